@@ -1,0 +1,2 @@
+pub mod strands;
+pub use strands::{Attribute, Strands};

@@ -1,0 +1,5 @@
+//! Tress: hair and fur in scenes with global illumination.
+
+pub mod hair;
+pub mod scene;
+pub mod surface;

@@ -1,0 +1,605 @@
+//! What the user wrote: the scene file as plain data.
+//!
+//! The structures here are the file format. Their doc comments, units and ranges become the JSON schema that
+//! `tress schema` prints, and that schema is what a scene file is checked against, so each fact is stated once.
+//! Lengths are in scene units unless a unit is named; colours are linear Rec.709; angles are in degrees.
+
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A point, a direction or a colour: three numbers.
+pub type Triple = [f64; 3];
+
+/// A whole scene file.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(title = "Tress scene")]
+pub struct Description {
+    /// Which scene axis points up: sets the camera's default up vector and the axis of the environment map.
+    pub up: Axis,
+    /// The camera.
+    pub camera: Camera,
+    /// Hair objects, each loaded from a file or grown on a surface.
+    pub hair: Vec<Hair>,
+    /// Opaque surfaces, each loaded from a file or given as a primitive.
+    pub surface: Vec<Surface>,
+    /// The light that arrives from infinitely far away.
+    pub environment: Environment,
+    /// Light sources inside the scene.
+    pub light: Lights,
+    /// Γ: how hair blocks the light of the environment and of other surfaces.
+    pub occlusion: Occlusion,
+    /// How finely the picture is sampled.
+    pub sampling: Sampling,
+    /// What is written, and how.
+    pub output: Output,
+}
+
+/// A coordinate axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Axis {
+    X,
+    #[default]
+    Y,
+    Z,
+}
+
+/// A perspective camera. Right-handed; image rows run from the top.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Camera {
+    /// Where the camera stands, in scene units.
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
+    pub position: Triple,
+    /// The point it looks at, in scene units; must differ from `position`.
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
+    pub target: Triple,
+    /// The direction that is up in the picture; the scene's up axis unless given.
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
+    pub up: Option<Triple>,
+    /// Vertical field of view, in degrees.
+    #[schemars(range(min = 0.01, max = 179.0))]
+    pub fov: f64,
+    /// Width and height of the picture, in pixels.
+    #[schemars(inner(range(min = 1, max = 32768)))]
+    pub resolution: [u32; 2],
+    /// Distance of the near plane, in scene units; what is nearer is not drawn. A ten-thousandth of the scene's size unless given.
+    #[schemars(range(min = 1e-9, max = 1e9))]
+    pub near: Option<f64>,
+    /// Whether the environment is seen behind the objects. Alpha is the objects' coverage either way.
+    pub background: bool,
+}
+
+impl Default for Camera {
+    fn default() -> Self {
+        Self {
+            position: [0.0, 0.0, 5.0],
+            target: [0.0; 3],
+            up: None,
+            fov: 35.0,
+            resolution: [512, 512],
+            near: None,
+            background: true,
+        }
+    }
+}
+
+/// Where an object is put: `translate * rotate * scale`, or a matrix. A point is a column vector on the right.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Transform {
+    /// Moved by this much, in scene units.
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
+    pub translate: Option<Triple>,
+    /// Turned about the x axis, then y, then z, in degrees.
+    #[schemars(inner(range(min = -36000.0, max = 36000.0)))]
+    pub rotate: Option<Triple>,
+    /// Scaled along x, y and z; a negative factor mirrors, zero is an error. Hair widths scale with the cube root of the product.
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
+    pub scale: Option<Triple>,
+    /// Instead of the three above: a 4x4 matrix by rows, the last row 0 0 0 1.
+    pub matrix: Option<[[f64; 4]; 4]>,
+}
+
+/// One hair object. Exactly one of `file` and `grow` is needed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Hair {
+    /// A name for messages.
+    pub name: Option<String>,
+    /// A hair file, relative to the scene file.
+    pub file: Option<PathBuf>,
+    /// What kind of file it is; told from the file's ending and first bytes unless given.
+    pub format: HairFormat,
+    /// Instead of a file: hair grown on a surface of this scene.
+    pub grow: Option<Grow>,
+    /// Where the hair is put. Grown hair is put where its surface is; this comes on top.
+    pub transform: Transform,
+    /// Width (diameter) of every strand, in the hair's own units before its transform; replaces what the file says.
+    #[schemars(range(min = 1e-9, max = 1e6))]
+    pub width: Option<f64>,
+    /// Whether a file's thickness is a strand's diameter or its radius. HAIR files do not say: diameter unless given. Text files hold radii by definition.
+    pub thickness_is: Option<ThicknessIs>,
+    /// Transmittance of one crossing of a strand, 0 opaque to 1 invisible; replaces what the file says.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub transparency: Option<f64>,
+    /// Diffuse reflectance, 0 to 1, linear Rec.709; replaces what the file says.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
+    pub color: Option<Triple>,
+    /// Albedo of the highlight: the share of the incident light that it reflects, 0 to 1, linear Rec.709.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
+    pub specular: Triple,
+    /// Sharpness of the highlight: the exponent of Kajiya and Kay, without unit.
+    #[schemars(range(min = 1.0, max = 10000.0))]
+    pub exponent: f64,
+}
+
+impl Default for Hair {
+    fn default() -> Self {
+        Self {
+            name: None,
+            file: None,
+            format: HairFormat::Auto,
+            grow: None,
+            transform: Transform::default(),
+            width: None,
+            thickness_is: None,
+            transparency: None,
+            color: None,
+            specular: [0.1; 3],
+            exponent: 60.0,
+        }
+    }
+}
+
+/// The kind of a hair file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum HairFormat {
+    /// Told from the file's ending and first bytes.
+    #[default]
+    Auto,
+    /// Cem Yuksel's HAIR format.
+    Hair,
+    /// TressFX 3 or 4.
+    Tfx,
+    /// Lines of `x y z radius`, a blank line between strands.
+    Text,
+}
+
+/// What a hair file's thickness means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum ThicknessIs {
+    Diameter,
+    Radius,
+}
+
+/// Hair that the program grows. Lengths are in the scene's units, where the surface stands.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Grow {
+    /// The name of the surface that it grows on, at random points of equal density.
+    pub on: String,
+    /// Number of strands.
+    #[schemars(range(min = 1, max = 20000000))]
+    pub count: u32,
+    /// Only where the cosine between the surface's normal and the scene's up axis lies in this range (-1 to 1).
+    #[schemars(inner(range(min = -1.0, max = 1.0)))]
+    pub slope: [f64; 2],
+    /// Length of a strand, in scene units.
+    #[schemars(range(min = 1e-9, max = 1e6))]
+    pub length: f64,
+    /// By how much lengths vary: a strand's length is `length * (1 ± length_variation)`, 0 to 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub length_variation: f64,
+    /// Segments a strand.
+    #[schemars(range(min = 1, max = 10000))]
+    pub segments: u32,
+    /// Width (diameter) at the root, in scene units.
+    #[schemars(range(min = 1e-9, max = 1e6))]
+    pub width_root: f64,
+    /// Width (diameter) at the tip, in scene units.
+    #[schemars(range(min = 1e-9, max = 1e6))]
+    pub width_tip: f64,
+    /// How far a strand leans away from the surface's normal to a random side, as the tangent of the angle.
+    #[schemars(range(min = 0.0, max = 100.0))]
+    pub lean: f64,
+    /// How strongly the strand bends towards the scene's down, as a share of its length's direction at the tip; negative bends up.
+    #[schemars(range(min = -100.0, max = 100.0))]
+    pub gravity: f64,
+    /// Radius of the curls, in scene units.
+    #[schemars(range(min = 0.0, max = 1e6))]
+    pub curl_radius: f64,
+    /// Turns of a curl along a whole strand.
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    pub curl_frequency: f64,
+    /// How far the strands of a clump close up at their tips, 0 not at all to 1 wholly.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub clumping: f64,
+    /// Strands a clump.
+    #[schemars(range(min = 1, max = 100000))]
+    pub clump_size: u32,
+    /// By how much the colour varies from strand to strand, as a share of its brightness, 0 to 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub color_variation: f64,
+    /// Seed of all that is random about it.
+    pub seed: u32,
+}
+
+impl Default for Grow {
+    fn default() -> Self {
+        Self {
+            on: String::new(),
+            count: 10_000,
+            slope: [-1.0, 1.0],
+            length: 0.5,
+            length_variation: 0.2,
+            segments: 12,
+            width_root: 0.002,
+            width_tip: 0.001,
+            lean: 0.2,
+            gravity: 0.3,
+            curl_radius: 0.0,
+            curl_frequency: 3.0,
+            clumping: 0.0,
+            clump_size: 25,
+            color_variation: 0.0,
+            seed: 1,
+        }
+    }
+}
+
+/// One opaque surface. Exactly one of `file`, `sphere` and `plane` is needed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Surface {
+    /// A name, for messages and for hair to grow on.
+    pub name: Option<String>,
+    /// A Wavefront OBJ file, relative to the scene file; its MTL gives diffuse colours.
+    pub file: Option<PathBuf>,
+    /// Instead of a file: a sphere.
+    pub sphere: Option<Sphere>,
+    /// Instead of a file: a rectangle.
+    pub plane: Option<Plane>,
+    /// Where the surface is put.
+    pub transform: Transform,
+    /// Diffuse reflectance, 0 to 1, linear Rec.709; replaces what the file says. 0.5 where nothing says.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
+    pub color: Option<Triple>,
+    /// Whether normals are interpolated over the triangles (where the mesh has them; spheres do).
+    pub smooth: bool,
+    /// Whether it is in the picture and blocks light. A surface that is not serves only for hair to grow on.
+    pub visible: bool,
+}
+
+impl Default for Surface {
+    fn default() -> Self {
+        Self {
+            name: None,
+            file: None,
+            sphere: None,
+            plane: None,
+            transform: Transform::default(),
+            color: None,
+            smooth: true,
+            visible: true,
+        }
+    }
+}
+
+/// A sphere, tessellated finely enough that its outline strays from the circle by less than a thousandth of its radius.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Sphere {
+    /// Centre, in scene units.
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
+    pub center: Triple,
+    /// Radius, in scene units.
+    #[schemars(range(min = 1e-9, max = 1e9))]
+    pub radius: f64,
+}
+
+impl Default for Sphere {
+    fn default() -> Self {
+        Self { center: [0.0; 3], radius: 1.0 }
+    }
+}
+
+/// A rectangle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Plane {
+    /// Centre, in scene units.
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
+    pub center: Triple,
+    /// Normal, of any length but zero; the scene's up axis unless given.
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
+    pub normal: Option<Triple>,
+    /// Length of its two sides, in scene units.
+    #[schemars(inner(range(min = 1e-9, max = 1e9)))]
+    pub size: [f64; 2],
+}
+
+impl Default for Plane {
+    fn default() -> Self {
+        Self { center: [0.0; 3], normal: None, size: [10.0, 10.0] }
+    }
+}
+
+/// Light from infinitely far away: one of `file`, `color` and `gradient`; black unless given.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Environment {
+    /// A lat-long picture (HDR, EXR or what else OpenImageIO reads), relative to the scene file. In a scene with y up its centre is +Z and u = 1/4 is +X.
+    pub file: Option<PathBuf>,
+    /// Instead: the same radiance from everywhere, in W/(m² sr), linear Rec.709.
+    #[schemars(inner(range(min = 0.0, max = 1e20)))]
+    pub color: Option<Triple>,
+    /// Instead: a sky of three colours.
+    pub gradient: Option<Gradient>,
+    /// Factor on the radiance.
+    #[schemars(range(min = 0.0, max = 1e20))]
+    pub scale: f64,
+    /// Turned about the up axis by this angle, in degrees, counter-clockwise seen from above.
+    #[schemars(range(min = -36000.0, max = 36000.0))]
+    pub rotate: f64,
+}
+
+impl Default for Environment {
+    fn default() -> Self {
+        Self { file: None, color: None, gradient: None, scale: 1.0, rotate: 0.0 }
+    }
+}
+
+/// A sky: radiance in W/(m² sr), linear in the sine of the elevation between the three.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Gradient {
+    /// Straight up.
+    #[schemars(inner(range(min = 0.0, max = 1e20)))]
+    pub zenith: Triple,
+    /// At the horizon.
+    #[schemars(inner(range(min = 0.0, max = 1e20)))]
+    pub horizon: Triple,
+    /// Straight down.
+    #[schemars(inner(range(min = 0.0, max = 1e20)))]
+    pub nadir: Triple,
+}
+
+/// Light sources inside the scene, by kind.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Lights {
+    /// Points that shine the same in every direction.
+    pub point: Vec<PointLight>,
+    /// Suns: parallel light.
+    pub directional: Vec<DirectionalLight>,
+    /// Rectangles that shine from one side.
+    pub rect: Vec<RectLight>,
+}
+
+/// A point light.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PointLight {
+    /// Where it is, in scene units.
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
+    pub position: Triple,
+    /// Radiant intensity, in W/sr with the scene unit as metre, linear Rec.709.
+    #[schemars(inner(range(min = 0.0, max = 1e20)))]
+    pub intensity: Triple,
+}
+
+/// A directional light.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DirectionalLight {
+    /// Where the light travels to, of any length but zero.
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
+    pub direction: Triple,
+    /// Irradiance on a surface that faces it, in W/m², linear Rec.709.
+    #[schemars(inner(range(min = 0.0, max = 1e20)))]
+    pub irradiance: Triple,
+}
+
+/// A rectangular area light. It blocks light like any surface and is seen by the camera.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RectLight {
+    /// Centre, in scene units.
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
+    pub center: Triple,
+    /// First side, from corner to corner, in scene units.
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
+    pub edge_u: Triple,
+    /// Second side; light leaves on the side of edge_u x edge_v.
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
+    pub edge_v: Triple,
+    /// Radiance, in W/(m² sr), linear Rec.709.
+    #[schemars(inner(range(min = 0.0, max = 1e20)))]
+    pub radiance: Triple,
+}
+
+/// How Γ is found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Occlusion {
+    /// The estimator.
+    pub mode: OcclusionMode,
+    /// Faces of equal area on one hemisphere of the igloo; hair uses two hemispheres.
+    #[schemars(range(min = 1, max = 100000))]
+    pub faces: u32,
+    /// What one crossing of a strand lets through.
+    pub transmittance: TransmittanceRule,
+    /// For `segment-length`: the length of hair over which a strand's transparency holds, in scene units (the paper's σ is per this length).
+    #[schemars(range(min = 1e-9, max = 1e9))]
+    pub unit_length: f64,
+    /// For the igloo: use only a part of the hair and scale it up (the paper's section 5). All of it unless given.
+    pub thinning: Option<Thinning>,
+    /// For `raytraced`: rays a shading point, rounded up to whole rays a face.
+    #[schemars(range(min = 1, max = 10000000))]
+    pub rays: u32,
+    /// For `raytraced`: a ray ends when less than this share of its light is left.
+    #[schemars(range(min = 0.0, max = 0.5))]
+    pub residual: f64,
+}
+
+impl Default for Occlusion {
+    fn default() -> Self {
+        Self {
+            mode: OcclusionMode::Igloo,
+            faces: 100,
+            transmittance: TransmittanceRule::Crossing,
+            unit_length: 1.0,
+            thinning: None,
+            rays: 200,
+            residual: 1e-3,
+        }
+    }
+}
+
+/// The estimator of Γ.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum OcclusionMode {
+    /// Projection of the hair on the igloo's faces.
+    #[default]
+    Igloo,
+    /// Rays through the hair.
+    Raytraced,
+    /// Hair blocks nothing of the environment's light: Γ is 1.
+    None,
+}
+
+/// What one crossing of a strand lets through.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum TransmittanceRule {
+    /// The strand's transparency, once a crossing.
+    #[default]
+    Crossing,
+    /// The paper's Eq. 7: transparency to the power of the length of hair visible in the region.
+    SegmentLength,
+}
+
+/// Thinning of the hair for Γ. Strands are chosen by a hash, so that a smaller set is inside a larger one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Thinning {
+    /// Share of the strands that is used everywhere (5.1), above 0 to 1.
+    #[schemars(range(min = 1e-6, max = 1.0))]
+    pub fraction: f64,
+    /// View-dependent thinning (5.2): at n times this distance one strand in n is used. In scene units; not done unless given.
+    #[schemars(range(min = 1e-9, max = 1e9))]
+    pub distance_unit: Option<f64>,
+}
+
+impl Default for Thinning {
+    fn default() -> Self {
+        Self { fraction: 1.0, distance_unit: None }
+    }
+}
+
+/// How finely the picture is sampled.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Sampling {
+    /// Hair layers a pixel that are lit and shaded: those of lowest γ (the most opaque). The others still attenuate.
+    #[schemars(range(min = 1, max = 100000))]
+    pub layers: u32,
+    /// Samples a pixel for the coverage of surfaces; rounded up to a square number.
+    #[schemars(range(min = 16, max = 4096))]
+    pub surface_samples: u32,
+    /// Shadow rays a shading point towards each area light; rounded up to a square number.
+    #[schemars(range(min = 1, max = 4096))]
+    pub area_light_samples: u32,
+    /// Seed of all random numbers.
+    pub seed: u32,
+}
+
+impl Default for Sampling {
+    fn default() -> Self {
+        Self { layers: 6, surface_samples: 16, area_light_samples: 16, seed: 0 }
+    }
+}
+
+/// What is written, and how.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Output {
+    /// The picture, relative to the scene file; its ending says the format. A run of `#` stands for the frame number. The command line's `-o` comes before it.
+    pub file: Option<PathBuf>,
+    /// Layers of an OpenEXR file. Other formats hold the beauty alone.
+    pub layers: Vec<Layer>,
+    /// Number format of an OpenEXR file's colours; depth, normal and tangent are always 32-bit float.
+    pub pixel_type: PixelType,
+    /// Compression of an OpenEXR file.
+    pub compression: Compression,
+    /// Exposure of PNG, JPEG and 8-bit TIFF files, in stops. OpenEXR files are never exposed.
+    #[schemars(range(min = -50.0, max = 50.0))]
+    pub exposure: f64,
+}
+
+impl Default for Output {
+    fn default() -> Self {
+        Self {
+            file: None,
+            layers: vec![Layer::Beauty, Layer::Alpha],
+            pixel_type: PixelType::Half,
+            compression: Compression::Zip,
+            exposure: 0.0,
+        }
+    }
+}
+
+/// A layer of the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Layer {
+    /// The picture itself: channels R, G, B.
+    Beauty,
+    /// Coverage by hair and surfaces: channel A.
+    Alpha,
+    /// Light from point and directional lights.
+    Direct,
+    /// Light from the environment, area lights and other surfaces, with hair occlusion.
+    Environment,
+    /// The same without hair occlusion.
+    EnvironmentUnoccluded,
+    /// Γ averaged over the directions: 0 wholly blocked to 1 free.
+    Occlusion,
+    /// Distance from the camera's plane in scene units, averaged over what is visible: channel `depth.Z`; 1e30 where nothing is.
+    Depth,
+    /// Normal of the surfaces, in world space.
+    Normal,
+    /// Tangent of the hair, in world space.
+    Tangent,
+}
+
+/// The number format of a picture's colours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum PixelType {
+    #[default]
+    Half,
+    Float,
+}
+
+/// Compression of an OpenEXR file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Compression {
+    None,
+    Rle,
+    Zips,
+    #[default]
+    Zip,
+    Piz,
+    Pxr24,
+    Dwaa,
+    Dwab,
+}

@@ -1,0 +1,2 @@
+pub mod mesh;
+pub use mesh::{Material, Mesh};
