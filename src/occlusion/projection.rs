@@ -47,6 +47,9 @@ pub struct Segment {
 /// Ribbons are cut into slices narrower than this part of a face: coarser, clamping of coverage makes Γ drift with face size.
 pub const SLICE_WIDTH: f32 = 1.0 / 3.0;
 
+/// The change of width within a part of a wide ribbon, as a share of its width.
+const TAPER_STEP: f32 = 0.1;
+
 /// Slices of one segment at most; reached only with faces below 1e-4 steradians.
 const MAX_SLICES: f32 = 1024.0;
 
@@ -93,14 +96,19 @@ pub fn project(
         sink.slice(Slice { foot, axis, h2, from, to, share: 1.0 });
     } else {
         let slices = (apparent / (slice_width * igloo.face_width())).ceil().min(MAX_SLICES);
+        // Slices fan out from the axis by the local width: a tapered ribbon is taken in parts of nearly one width.
+        let parts = (taper.abs() * length / (TAPER_STEP * width)).ceil().max(1.0);
         let side = foot.cross(axis);
-        let half = half_angle(width, h);
-        let angle = 2.0 * half / slices;
-        for i in 0..slices as u32 {
-            let (sin, cos) = ((i as f32 + 0.5) * angle - half).sin_cos();
-            // The slice's own foot: the axis seen in its half-plane.
-            let slice_foot = (foot * cos + side * sin) * cos;
-            sink.slice(Slice { foot: slice_foot, axis, h2: h2 * cos * cos, from, to, share: 1.0 / slices });
+        for part in 0..parts as u32 {
+            let at = |i: u32| from + length * (i as f32 / parts);
+            let (from, to) = (at(part), at(part + 1));
+            let half = half_angle(width_at(0.5 * (from + to)), h);
+            for i in 0..slices as u32 {
+                let (sin, cos) = (((2 * i + 1) as f32 / slices - 1.0) * half).sin_cos();
+                // The slice's own foot: the axis seen in its half-plane.
+                let slice_foot = (foot * cos + side * sin) * cos;
+                sink.slice(Slice { foot: slice_foot, axis, h2: h2 * cos * cos, from, to, share: 1.0 / slices });
+            }
         }
         if pieces.len() > 1 {
             merge(pieces);
@@ -150,7 +158,8 @@ struct Sink<'a, Far, Width, Angle> {
 impl<Far: Fn(usize) -> f32, Width: Fn(f32) -> f32, Angle: Fn(f32) -> f32> Sink<'_, Far, Width, Angle> {
     /// Takes away what is nearer than the width or below the horizon, then goes on by rings.
     fn slice(&mut self, slice: Slice) {
-        let width = (self.width_at)(0.5 * (slice.from + slice.to));
+        // The part that may be too near lies around the foot: its width there decides.
+        let width = (self.width_at)(slice.from.max(0.0).min(slice.to));
         let inner2 = width * width - slice.h2;
         if inner2 <= 0.0 {
             self.above_horizon(slice);
