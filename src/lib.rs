@@ -3,4 +3,5 @@
 pub mod hair;
 pub mod occlusion;
 pub mod scene;
+pub mod shading;
 pub mod surface;
