@@ -1,6 +1,7 @@
 //! Tress: hair and fur in scenes with global illumination.
 
 pub mod hair;
+pub mod illumination;
 pub mod occlusion;
 pub mod scene;
 pub mod shading;

@@ -1,0 +1,7 @@
+//! Λ: the light that arrives at a point from the rest of the scene, hair left out.
+
+pub mod environment;
+pub mod lights;
+
+pub use environment::{Environment, Radiance};
+pub use lights::{DirectLight, RectLight};
