@@ -2,6 +2,7 @@
 
 pub mod hair;
 pub mod illumination;
+pub mod image;
 pub mod occlusion;
 pub mod scene;
 pub mod shading;

@@ -1,0 +1,1 @@
+//! Is the file what was written?
