@@ -1,5 +1,7 @@
 //! Tress: hair and fur in scenes with global illumination.
 
 pub mod hair;
+pub mod hash;
 pub mod scene;
 pub mod surface;
+pub mod transform;
