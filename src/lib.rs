@@ -1,9 +1,11 @@
 //! Tress: hair and fur in scenes with global illumination.
 
 pub mod hair;
+pub mod hash;
 pub mod illumination;
 pub mod image;
 pub mod occlusion;
 pub mod scene;
 pub mod shading;
 pub mod surface;
+pub mod transform;

@@ -1,2 +1,8 @@
+//! Surfaces: triangle meshes with a material a triangle.
+
+pub mod inspect;
 pub mod mesh;
+pub mod obj;
+pub mod primitives;
+mod screen;
 pub use mesh::{Material, Mesh};
