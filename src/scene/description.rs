@@ -101,6 +101,7 @@ pub struct Transform {
     #[schemars(inner(range(min = -1e9, max = 1e9)))]
     pub scale: Option<Triple>,
     /// Instead of the three above: a 4x4 matrix by rows, the last row 0 0 0 1.
+    #[schemars(inner(inner(range(min = -1e9, max = 1e9))))]
     pub matrix: Option<[[f64; 4]; 4]>,
 }
 
@@ -227,6 +228,7 @@ pub struct Grow {
     #[schemars(range(min = 0.0, max = 1.0))]
     pub color_variation: f64,
     /// Seed of all that is random about it.
+    #[schemars(range(min = 0, max = u32::MAX))]
     pub seed: u32,
 }
 
@@ -518,6 +520,7 @@ pub struct Sampling {
     #[schemars(range(min = 1, max = 4096))]
     pub area_light_samples: u32,
     /// Seed of all random numbers.
+    #[schemars(range(min = 0, max = u32::MAX))]
     pub seed: u32,
 }
 

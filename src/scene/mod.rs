@@ -1,1 +1,17 @@
+//! Scenes: what the user wrote.
+
+mod check;
 pub mod description;
+pub mod document;
+pub mod keypath;
+pub mod overrides;
+mod parse;
+pub mod schema;
+pub mod spans;
+#[cfg(test)]
+mod tests;
+mod validate;
+
+pub use document::{Document, Problem, Problems, SceneError, load};
+pub use schema::schema;
+pub use spans::Place;

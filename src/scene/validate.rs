@@ -1,0 +1,330 @@
+//! What the schema cannot say: keys that exclude each other, names, degenerate geometry, files that are missing.
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::check::Finding;
+use super::description::*;
+use super::keypath::{KeyPath, clip};
+use super::schema::nearest;
+use super::spans::Spans;
+
+/// What was found.
+#[derive(Debug, Default)]
+pub(crate) struct Findings {
+    pub errors: Vec<Finding>,
+    pub warnings: Vec<Finding>,
+}
+
+/// Checks a description that fits the schema. `spans` tells what was given, `base_dir` what paths are relative to.
+pub(crate) fn validate(description: &Description, spans: &Spans, base_dir: &Path) -> Findings {
+    let mut validator = Validator { description, spans, base_dir, found: Findings::default() };
+    validator.camera();
+    validator.surfaces();
+    validator.hair();
+    validator.environment();
+    validator.lights();
+    validator.occlusion();
+    validator.output();
+    validator.whole();
+    validator.found
+}
+
+struct Validator<'a> {
+    description: &'a Description,
+    spans: &'a Spans,
+    base_dir: &'a Path,
+    found: Findings,
+}
+
+/// The direction of a vector; none where it is zero. Scaled first, so that no length under- or overflows.
+fn direction(v: Triple) -> Option<DVec3> {
+    let v = DVec3::from(v);
+    let largest = v.abs().max_element();
+    (largest > 0.0).then(|| (v / largest).normalize())
+}
+
+/// Whether two directions differ by so little (a ten-millionth) that their cross product has no sure direction.
+fn parallel(a: DVec3, b: DVec3) -> bool {
+    a.cross(b).length() < 1e-7
+}
+
+/// The unit vector of an axis.
+fn axis(axis: Axis) -> DVec3 {
+    match axis {
+        Axis::X => DVec3::X,
+        Axis::Y => DVec3::Y,
+        Axis::Z => DVec3::Z,
+    }
+}
+
+impl Validator<'_> {
+    fn error(&mut self, path: &KeyPath, message: String) {
+        self.found.errors.push(Finding::value(path.clone(), message));
+    }
+
+    fn warn(&mut self, path: &KeyPath, message: String) {
+        self.found.warnings.push(Finding { path: path.clone(), about_key: true, message });
+    }
+
+    /// Warns of keys of the table at `path` that were given but have no effect.
+    fn no_effect(&mut self, path: &KeyPath, keys: &[&str], why: &str) {
+        for key in keys.iter().map(|key| path.key(key)) {
+            if self.spans.given(&key) {
+                self.warn(&key, format!("{key} has no effect {why}"));
+            }
+        }
+    }
+
+    /// An error unless one of these keys is given: `(key, given)`. With `optional`, none of them is fine too.
+    fn one_of(&mut self, path: &KeyPath, keys: &[(&str, bool)], optional: bool) {
+        let names: Vec<&str> = keys.iter().map(|(name, _)| *name).collect();
+        let given: Vec<&str> = keys.iter().filter(|(_, given)| *given).map(|(name, _)| *name).collect();
+        match given[..] {
+            [] if !optional => self.error(path, format!("{path} needs one of {}", names.join(", "))),
+            [_, second, ..] => {
+                let message = format!("{path} has {}: they exclude each other, keep one", given.join(" and "));
+                self.error(&path.key(second), message);
+            }
+            _ => {}
+        }
+    }
+
+    fn file(&mut self, path: &KeyPath, file: &Option<std::path::PathBuf>) {
+        let Some(file) = file else { return };
+        let whole = self.base_dir.join(file);
+        match std::fs::metadata(&whole) {
+            _ if file.as_os_str().is_empty() => self.error(path, format!("{path} is empty; give the path of a file")),
+            Ok(metadata) if metadata.is_dir() => self.error(path, format!("{path}: {} is a folder", whole.display())),
+            Ok(_) => {}
+            Err(e) => {
+                let hint = "; paths are relative to the scene file";
+                self.error(path, format!("{path}: cannot find {}: {e}{hint}", whole.display()));
+            }
+        }
+    }
+
+    fn camera(&mut self) {
+        let camera = &self.description.camera;
+        let path = KeyPath::root().key("camera");
+        let (position, target) = (DVec3::from(camera.position), DVec3::from(camera.target));
+        let size = position.abs().max(target.abs()).max_element();
+        let offset = target - position;
+        // A view shorter than this share of the coordinates is lost in the rounding of single precision.
+        if offset.length() <= 1e-6 * size || size == 0.0 {
+            let key = if self.spans.given(&path.key("target")) { "target" } else { "position" };
+            let message = format!(
+                "{} and camera.{} are the same point: the camera looks nowhere",
+                path.key(key),
+                if key == "target" { "position" } else { "target" }
+            );
+            return self.error(&path.key(key), message);
+        }
+        let view = offset.normalize();
+        let key = path.key("up");
+        match camera.up.map(direction) {
+            Some(None) => self.error(&key, format!("{key} has length zero; give a direction such as [0, 1, 0]")),
+            Some(Some(up)) if parallel(up, view) => {
+                self.error(&key, format!("{key} is parallel to the view; give another direction"));
+            }
+            None if parallel(axis(self.description.up), view) => {
+                self.error(&path, "the camera looks along the scene's up axis; give camera.up".to_owned());
+            }
+            _ => {}
+        }
+    }
+
+    fn transform(&mut self, path: &KeyPath, transform: &Transform) {
+        let path = path.key("transform");
+        let parts = [
+            ("translate", transform.translate.is_some()),
+            ("rotate", transform.rotate.is_some()),
+            ("scale", transform.scale.is_some()),
+        ];
+        let key = path.key("matrix");
+        if let Some(matrix) = transform.matrix {
+            if let Some((part, _)) = parts.iter().find(|(_, given)| *given) {
+                self.error(&key, format!("{path} has matrix and {part}: a matrix says it all, keep one"));
+            }
+            if matrix[3] != [0.0, 0.0, 0.0, 1.0] {
+                let message = format!(
+                    "{key}: the last row must be 0 0 0 1 (points are columns, so translation is the last column)"
+                );
+                self.error(&key.index(3), message);
+            }
+            let column = |c: usize| direction([matrix[0][c], matrix[1][c], matrix[2][c]]);
+            // The volume of the columns' directions: 1 at right angles, free of their lengths.
+            let volume = match (column(0), column(1), column(2)) {
+                (Some(a), Some(b), Some(c)) => a.cross(b).dot(c).abs(),
+                _ => 0.0,
+            };
+            if volume < 1e-9 {
+                self.error(&key, format!("{key} is singular: it flattens the object to nothing"));
+            }
+        }
+        let key = path.key("scale");
+        if let Some(n) = transform.scale.and_then(|scale| scale.iter().position(|&s| s == 0.0)) {
+            self.error(&key.index(n), format!("{key} has a zero: it flattens the object to nothing"));
+        }
+    }
+
+    fn surfaces(&mut self) {
+        let mut names = std::collections::HashMap::new();
+        for (n, surface) in self.description.surface.iter().enumerate() {
+            let path = KeyPath::root().key("surface").index(n);
+            let forms = [
+                ("file", surface.file.is_some()),
+                ("sphere", surface.sphere.is_some()),
+                ("plane", surface.plane.is_some()),
+            ];
+            self.one_of(&path, &forms, false);
+            self.file(&path.key("file"), &surface.file);
+            self.transform(&path, &surface.transform);
+            if surface.plane.as_ref().and_then(|plane| plane.normal).is_some_and(|v| direction(v).is_none()) {
+                let key = path.key("plane").key("normal");
+                self.error(&key, format!("{key} has length zero; give a direction such as [0, 1, 0]"));
+            }
+            let Some(name) = surface.name.as_deref() else { continue };
+            let key = path.key("name");
+            if name.is_empty() {
+                self.error(&key, format!("{key} is empty; give a name or leave it out"));
+            } else if let Some(first) = names.insert(name, n) {
+                self.error(&key, format!("{key}: surface[{first}] is already called \"{}\"", clip(name)));
+            }
+        }
+    }
+
+    fn hair(&mut self) {
+        for (n, hair) in self.description.hair.iter().enumerate() {
+            let path = KeyPath::root().key("hair").index(n);
+            self.one_of(&path, &[("file", hair.file.is_some()), ("grow", hair.grow.is_some())], false);
+            self.file(&path.key("file"), &hair.file);
+            self.transform(&path, &hair.transform);
+            if let Some(grow) = &hair.grow {
+                self.no_effect(&path, &["format", "thickness_is"], "on hair that is grown, not read from a file");
+                self.grow(&path.key("grow"), grow);
+            }
+        }
+    }
+
+    fn grow(&mut self, path: &KeyPath, grow: &Grow) {
+        let names = || self.description.surface.iter().filter_map(|surface| surface.name.as_deref());
+        let key = path.key("on");
+        if grow.on.is_empty() {
+            self.error(&key, format!("{path} needs the key on: the name of the surface that the hair grows on"));
+        } else if !names().any(|name| name == grow.on) {
+            let known: Vec<String> = names().take(10).map(clip).collect();
+            let hint = match (nearest(&grow.on, names()), known.is_empty()) {
+                (Some(near), _) => format!("did you mean \"{}\"?", clip(near)),
+                (None, false) => format!("named surfaces: {}", known.join(", ")),
+                (None, true) => "no surface of this scene has a name; give one its name".to_owned(),
+            };
+            self.error(&key, format!("{key}: no surface is called \"{}\"; {hint}", clip(&grow.on)));
+        }
+        let [least, most] = grow.slope;
+        if least > most {
+            let key = path.key("slope");
+            self.error(&key, format!("{key} runs from {least} to {most}; write the smaller number first"));
+        }
+        if grow.clumping == 0.0 {
+            self.no_effect(path, &["clump_size"], "while clumping is 0");
+        }
+        if grow.curl_radius == 0.0 {
+            self.no_effect(path, &["curl_frequency"], "while curl_radius is 0");
+        }
+    }
+
+    fn environment(&mut self) {
+        let environment = &self.description.environment;
+        let path = KeyPath::root().key("environment");
+        let forms = [
+            ("file", environment.file.is_some()),
+            ("color", environment.color.is_some()),
+            ("gradient", environment.gradient.is_some()),
+        ];
+        self.one_of(&path, &forms, true);
+        self.file(&path.key("file"), &environment.file);
+        if forms.iter().all(|(_, given)| !given) {
+            self.no_effect(&path, &["scale", "rotate"], "without file, color or gradient");
+        } else if environment.file.is_none() {
+            self.no_effect(&path, &["rotate"], "on an environment that is the same all round");
+        }
+    }
+
+    fn lights(&mut self) {
+        let lights = &self.description.light;
+        let path = KeyPath::root().key("light");
+        for (n, light) in lights.directional.iter().enumerate() {
+            if direction(light.direction).is_none() {
+                let key = path.key("directional").index(n).key("direction");
+                self.error(&key, format!("{key} has length zero; give the direction in which the light travels"));
+            }
+        }
+        for (n, light) in lights.rect.iter().enumerate() {
+            let path = path.key("rect").index(n);
+            let flat = match (direction(light.edge_u), direction(light.edge_v)) {
+                (None, _) => Some(("edge_u", "has length zero")),
+                (_, None) => Some(("edge_v", "has length zero")),
+                (Some(u), Some(v)) if parallel(u, v) => Some(("edge_v", "is parallel to edge_u")),
+                _ => None,
+            };
+            if let Some((key, what)) = flat {
+                let key = path.key(key);
+                self.error(&key, format!("{key} {what}: the light has no area"));
+            }
+        }
+    }
+
+    fn occlusion(&mut self) {
+        let occlusion = &self.description.occlusion;
+        let path = KeyPath::root().key("occlusion");
+        if occlusion.mode != OcclusionMode::Raytraced {
+            self.no_effect(&path, &["rays", "residual"], "unless occlusion.mode is \"raytraced\"");
+        }
+        if occlusion.mode != OcclusionMode::Igloo {
+            self.no_effect(&path, &["thinning"], "unless occlusion.mode is \"igloo\"");
+        }
+        if occlusion.transmittance != TransmittanceRule::SegmentLength {
+            self.no_effect(&path, &["unit_length"], "unless occlusion.transmittance is \"segment-length\"");
+        }
+    }
+
+    fn output(&mut self) {
+        let output = &self.description.output;
+        let path = KeyPath::root().key("output");
+        let key = path.key("layers");
+        if output.layers.is_empty() {
+            self.error(&key, format!("{key} is empty: nothing would be written; name at least beauty"));
+        }
+        for (n, layer) in output.layers.iter().enumerate() {
+            if output.layers[..n].contains(layer) {
+                // Cheap to stop at the first: a hostile list repeats one name a million times.
+                return self.error(&key.index(n), format!("{} repeats an earlier layer; name each once", key.index(n)));
+            }
+        }
+        if output.file.as_ref().is_some_and(|file| file.as_os_str().is_empty()) {
+            let key = path.key("file");
+            self.error(&key, format!("{key} is empty; give the path of a picture or leave it out"));
+        }
+    }
+
+    fn whole(&mut self) {
+        let root = KeyPath::root();
+        let Description { hair, surface, environment, light, .. } = self.description;
+        if hair.is_empty() && !surface.iter().any(|surface| surface.visible) {
+            self.warn(&root, "the scene has neither hair nor a visible surface: the picture will be empty".to_owned());
+        }
+        let bright = |color: &Triple| color.iter().any(|&c| c > 0.0);
+        let sky = environment.file.is_some()
+            || environment.color.as_ref().is_some_and(bright)
+            || environment.gradient.as_ref().is_some_and(|g| [g.zenith, g.horizon, g.nadir].iter().any(bright));
+        let lit = (sky && environment.scale > 0.0)
+            || light.point.iter().any(|light| bright(&light.intensity))
+            || light.directional.iter().any(|light| bright(&light.irradiance))
+            || light.rect.iter().any(|light| bright(&light.radiance));
+        if !lit {
+            self.warn(&root, "the scene has no light: the picture will be black; give environment or light".to_owned());
+        }
+    }
+}
