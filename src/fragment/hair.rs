@@ -52,15 +52,14 @@ impl PixelRect {
 ///
 /// A segment narrower than 1/√2 pixels covers length x width of each pixel that its middle line runs through; on a line between two pixels it
 /// belongs to the right or lower one. A wider one covers the exact area of its ribbon in each pixel. A segment that is seen end-on
-/// or has no width covers nothing. The work is proportional to the pixels touched and the rows of `rect` between them.
+/// or has no width covers nothing. Ribbons end square: at a joint where a wide strand bends, two overlap on one side and gape on the other. The work is proportional to the pixels touched and the rows of `rect` between them.
 pub fn scan_convert(
     segment: &HairSegment,
     projection: &Projection,
     rect: &PixelRect,
-    emit: impl FnMut(u32, u32, HairFragment),
+    mut emit: impl FnMut(u32, u32, HairFragment),
 ) {
     let Some(shape) = Footprint::new(segment, projection) else { return };
-    let mut emit = emit;
     let mut fragment = |x, y, enter: f64, leave: f64, area: f64| {
         let coverage = area.min(1.0) as f32;
         if coverage > 0.0 {

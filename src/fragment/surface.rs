@@ -69,7 +69,7 @@ pub struct SurfacePixel {
 }
 
 impl SurfacePixel {
-    /// Samples a pixel at `per_side` x `per_side` jittered positions. `hit` gets origin and unit direction of a ray and gives the first surface
+    /// Samples a pixel at `per_side` x `per_side` jittered positions, 1 to 1024 a side. `hit` gets origin and unit direction of a ray and gives the first surface
     /// at or behind the near plane, if there is one. Positions depend on pixel, sample and seed only.
     pub fn gather(
         &mut self,
@@ -82,6 +82,7 @@ impl SurfacePixel {
         self.samples.clear();
         self.groups.clear();
         self.hits.clear();
+        let per_side = per_side.clamp(1, 1024);
         let cell = 1.0 / f64::from(per_side);
         for sample in 0..per_side * per_side {
             let place = [sample % per_side, sample / per_side];
