@@ -1,4 +1,3 @@
-//! Hair: strands as loaded or grown, and the model of all hair that is rendered.
 //! Hair: strands, the files that hold them, and hair grown on surfaces.
 
 pub mod formats;
