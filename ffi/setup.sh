@@ -30,7 +30,7 @@ fail() { # what went wrong, what to do
     printf '       %s\n' "$2" >&2
     exit 1
 }
-trap 'code=$?; [[ -z $work ]] || rm -rf -- "$work"; exit $code' EXIT
+trap '[[ -z $work ]] || rm -rf -- "$work"' EXIT
 trap 'fail "unexpected error at line $LINENO" "Nothing in ffi/native was changed; run ffi/setup.sh again once the cause above is mended."' ERR
 trap 'fail "interrupted" "Run ffi/setup.sh again."' INT TERM
 
@@ -107,6 +107,7 @@ check_libraries() {
 
 # Debian's own repository as this machine has it configured: a mirror stays a mirror.
 debian_repository() {
+    # shellcheck disable=SC2016 # apt expands these, not the shell
     apt-get indextargets --format '$(REPO_URI) $(ORIGIN) $(CODENAME)' 'Created-By: Packages' |
         awk '$2 == "Debian" && $3 == "bookworm" { print $1; exit }'
 }

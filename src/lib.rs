@@ -1,6 +1,7 @@
 //! Tress: hair and fur in scenes with global illumination.
 
 pub mod camera;
+pub mod embree;
 pub mod fragment;
 pub mod hair;
 pub mod hash;
