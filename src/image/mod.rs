@@ -21,7 +21,6 @@ pub use error::Error;
 pub use pixels::{Encoding, Image, RgbImage};
 pub use read::{Info, Limits, info, read};
 
-
 /// How one channel is stored in a file. In memory every channel is `f32`; integers are 0 to 1 over their full range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum PixelFormat {

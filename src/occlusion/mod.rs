@@ -8,12 +8,14 @@ pub mod clusters;
 pub mod igloo;
 pub mod layer;
 pub mod projection;
+pub mod raytraced;
 
 use glam::{Mat3, Vec3};
 
 pub use clusters::{ClusterTree, Selection};
 pub use igloo::{Igloo, Span};
 pub use layer::Transmittance;
+pub use raytraced::HairRays;
 
 use crate::hair::OnStrand;
 

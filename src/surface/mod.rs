@@ -2,7 +2,9 @@
 
 pub mod inspect;
 pub mod mesh;
+pub mod model;
 pub mod obj;
 pub mod primitives;
 mod screen;
 pub use mesh::{Material, Mesh};
+pub use model::{SurfaceModel, SurfacePoint, Surfaces};
