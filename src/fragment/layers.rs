@@ -308,7 +308,7 @@ mod tests {
         // A wall at depth 1 that ends in the middle of pixel (2, 2), where x is 0.25.
         surfaces.gather(&camera, [2, 2], 8, 0, |origin, direction| {
             let position = origin - direction * (origin.z / direction.z);
-            let hit = SurfaceHit { depth: 1.0, group: 3, triangle: 0, position, normal: Vec3::Z };
+            let hit = SurfaceHit { depth: 1.0, group: 3, index: 0, position, normal: Vec3::Z };
             (position.x < 0.25).then_some(hit)
         });
         let mut pixel = PixelLayers::default();

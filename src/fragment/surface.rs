@@ -24,8 +24,8 @@ pub struct SurfaceHit {
     pub depth: f32,
     /// Which object and material; hits that differ in it are never shaded as one.
     pub group: u32,
-    /// Which triangle.
-    pub triangle: u32,
+    /// The caller's own number of the hit, passed through.
+    pub index: u32,
     /// The point.
     pub position: Vec3,
     /// Unit shading normal.
@@ -142,7 +142,7 @@ mod tests {
     }
 
     fn hit(group: u32, depth: f32, normal: Vec3, position: Vec3) -> SurfaceHit {
-        SurfaceHit { depth, group, triangle: 0, position, normal }
+        SurfaceHit { depth, group, index: 0, position, normal }
     }
 
     #[test]

@@ -1,7 +1,9 @@
 //! Λ: the light that arrives at a point from the rest of the scene, hair left out.
 
 pub mod environment;
+pub mod gather;
 pub mod lights;
 
 pub use environment::{Environment, Radiance};
+pub use gather::Illumination;
 pub use lights::{DirectLight, RectLight};

@@ -435,6 +435,9 @@ pub struct Occlusion {
     /// Faces of equal area on one hemisphere of the igloo; hair uses two hemispheres.
     #[schemars(range(min = 1, max = 100000))]
     pub faces: u32,
+    /// For the igloo: hair whose radius is below this many face widths is projected as one lump; 0 projects every segment by itself.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub opening: f64,
     /// What one crossing of a strand lets through.
     pub transmittance: TransmittanceRule,
     /// For `segment-length`: the length of hair over which a strand's transparency holds, in scene units (the paper's σ is per this length).
@@ -455,6 +458,7 @@ impl Default for Occlusion {
         Self {
             mode: OcclusionMode::Igloo,
             faces: 100,
+            opening: 1.0,
             transmittance: TransmittanceRule::Crossing,
             unit_length: 1.0,
             thinning: None,

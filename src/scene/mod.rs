@@ -4,14 +4,17 @@ mod check;
 pub mod description;
 pub mod document;
 pub mod keypath;
+pub mod loaded;
 pub mod overrides;
 mod parse;
 pub mod schema;
+pub mod space;
 pub mod spans;
 #[cfg(test)]
 mod tests;
 mod validate;
 
 pub use document::{Document, Problem, Problems, SceneError, load};
+pub use loaded::{AssetError, HairObject, Scene};
 pub use schema::schema;
 pub use spans::Place;

@@ -1,0 +1,396 @@
+//! The scene that is rendered: everything that a description names, loaded, checked and moved to render space.
+
+use std::path::Path;
+
+use glam::{DAffine3, DVec3, Vec3};
+use thiserror::Error;
+
+use super::description::{self, Axis, Description, Gradient};
+use super::space::RenderSpace;
+use super::{Document, Place};
+use crate::camera::Camera;
+use crate::hair::{HairModel, Strands, formats, grow};
+use crate::illumination::{DirectLight, Radiance, RectLight, environment::map_axes};
+use crate::image;
+use crate::surface::{Mesh, SurfaceModel, obj, primitives};
+use crate::transform;
+
+/// A scene, ready to be rendered. Lengths and positions are in render space.
+#[derive(Debug)]
+pub struct Scene {
+    /// What the user wrote.
+    pub document: Document,
+    pub space: RenderSpace,
+    pub camera: Camera,
+    pub hair: HairModel,
+    /// One for each hair object, in the order of the file.
+    pub hair_objects: Vec<HairObject>,
+    pub surfaces: SurfaceModel,
+    pub radiance: Radiance,
+    /// From render space to the environment map's axes.
+    pub to_map: glam::Mat3,
+    pub direct: Vec<DirectLight>,
+    pub area: Vec<RectLight>,
+    /// What a user should be told about what was loaded.
+    pub notes: Vec<String>,
+}
+
+/// What all strands of a hair object share.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HairObject {
+    pub name: String,
+    /// Albedo of the highlight.
+    pub specular: Vec3,
+    /// Its exponent.
+    pub exponent: f32,
+}
+
+/// Something that the scene file names cannot be used.
+#[derive(Debug, Error)]
+#[error("{place}: {message}")]
+pub struct AssetError {
+    /// Where the scene file names it.
+    pub place: Place,
+    pub message: String,
+}
+
+impl Scene {
+    /// Loads everything that a scene file names.
+    ///
+    /// # Errors
+    /// The first asset that cannot be read or makes no sense, with its place in the scene file.
+    pub fn load(document: Document) -> Result<Self, AssetError> {
+        let mut loader = Loader { document: &document, notes: Vec::new() };
+        let meshes = loader.meshes()?;
+        let files = loader.hair_files()?;
+        let space = loader.space(&meshes, &files);
+        let mut hair = HairModel::default();
+        let mut hair_objects = Vec::new();
+        for (index, file) in files.into_iter().enumerate() {
+            let strands = loader.strands(index, file, &meshes, &space)?;
+            loader.add_hair(index, &strands, &mut hair, &mut hair_objects);
+        }
+        let mut surfaces = SurfaceModel::default();
+        for (description, mesh) in document.description.surface.iter().zip(&meshes) {
+            if description.visible {
+                let mut mesh = mesh.mesh.clone();
+                transform::transform_mesh(&(space.from_scene() * meshes_map(description)), &mut mesh);
+                surfaces.add(&mesh, description.smooth);
+            }
+        }
+        let (direct, area) = loader.lights(&space)?;
+        for light in &area {
+            surfaces.add_light(light.corner, light.edge_u, light.edge_v, light.radiance);
+        }
+        let camera = loader.camera(&space)?;
+        let (radiance, to_map) = loader.environment()?;
+        let notes = loader.notes;
+        Ok(Self { space, camera, hair, hair_objects, surfaces, radiance, to_map, direct, area, notes, document })
+    }
+
+    /// What the user wrote.
+    pub fn description(&self) -> &Description {
+        &self.document.description
+    }
+}
+
+/// A surface's mesh before its transform.
+struct LoadedMesh {
+    mesh: Mesh,
+    map: DAffine3,
+}
+
+fn meshes_map(surface: &description::Surface) -> DAffine3 {
+    // Checked when the mesh was loaded.
+    transform::affine(&surface.transform).unwrap_or(DAffine3::IDENTITY)
+}
+
+struct Loader<'a> {
+    document: &'a Document,
+    notes: Vec<String>,
+}
+
+impl Loader<'_> {
+    fn description(&self) -> &Description {
+        &self.document.description
+    }
+
+    fn error(&self, key: &str, message: impl ToString) -> AssetError {
+        AssetError { place: self.document.locate(key), message: format!("{key}: {}", message.to_string()) }
+    }
+
+    fn map(&self, key: &str, transform: &description::Transform) -> Result<DAffine3, AssetError> {
+        transform::affine(transform).map_err(|e| self.error(&format!("{key}.transform"), e))
+    }
+
+    fn meshes(&mut self) -> Result<Vec<LoadedMesh>, AssetError> {
+        let surfaces = self.description().surface.clone();
+        surfaces.iter().enumerate().map(|(index, surface)| self.mesh(index, surface)).collect()
+    }
+
+    fn mesh(&mut self, index: usize, surface: &description::Surface) -> Result<LoadedMesh, AssetError> {
+        let key = format!("surface[{index}]");
+        let map = self.map(&key, &surface.transform)?;
+        let mut mesh = if let Some(file) = &surface.file {
+            let path = self.document.resolve(file);
+            let loaded = obj::load_obj(&path).map_err(|e| self.error(&format!("{key}.file"), e))?;
+            self.notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", path.display())));
+            loaded.mesh
+        } else if let Some(sphere) = &surface.sphere {
+            primitives::sphere(DVec3::from(sphere.center), sphere.radius)
+        } else if let Some(plane) = &surface.plane {
+            let normal = plane.normal.map_or(up_axis(self.description().up), DVec3::from);
+            primitives::plane(DVec3::from(plane.center), normal, plane.size)
+        } else {
+            return Err(self.error(&key, "it has none of file, sphere and plane; give one"));
+        };
+        if let Some(color) = surface.color {
+            for material in &mut mesh.materials {
+                material.diffuse = vec3(color);
+            }
+        }
+        mesh.validate().map_err(|e| self.error(&key, e))?;
+        Ok(LoadedMesh { mesh, map })
+    }
+
+    /// The strands of hair objects that come from files; none for grown ones.
+    fn hair_files(&mut self) -> Result<Vec<Option<Strands>>, AssetError> {
+        let objects = self.description().hair.clone();
+        let mut files = Vec::with_capacity(objects.len());
+        for (index, object) in objects.iter().enumerate() {
+            let Some(file) = &object.file else {
+                files.push(None);
+                continue;
+            };
+            let path = self.document.resolve(file);
+            let options = formats::Options { thickness_is: object.thickness_is };
+            let loaded = formats::read(&path, object.format, &options)
+                .map_err(|e| self.error(&format!("hair[{index}].file"), e))?;
+            self.notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", path.display())));
+            files.push(Some(loaded.strands));
+        }
+        Ok(files)
+    }
+
+    /// Render space: around the hair and what it grows on; without hair, around the surfaces.
+    fn space(&self, meshes: &[LoadedMesh], files: &[Option<Strands>]) -> RenderSpace {
+        let mut bounds = Bounds::default();
+        for (object, strands) in self.description().hair.iter().zip(files) {
+            let map = transform::affine(&object.transform).unwrap_or(DAffine3::IDENTITY);
+            if let Some(strands) = strands {
+                bounds.add(&map, &strands.points, 0.0);
+            } else if let Some(grow) = &object.grow
+                && let Some(mesh) = self.surface_named(&grow.on).map(|index| &meshes[index])
+            {
+                bounds.add(&(map * mesh.map), &mesh.mesh.positions, grow.length);
+            }
+        }
+        if bounds.is_empty() {
+            for mesh in meshes {
+                bounds.add(&mesh.map, &mesh.mesh.positions, 0.0);
+            }
+        }
+        if bounds.is_empty() {
+            bounds = Bounds { low: DVec3::NEG_ONE, high: DVec3::ONE };
+        }
+        RenderSpace::around(bounds.low, bounds.high)
+    }
+
+    fn surface_named(&self, name: &str) -> Option<usize> {
+        self.description().surface.iter().position(|surface| surface.name.as_deref() == Some(name))
+    }
+
+    /// A hair object's strands in render space, with the scene's overrides.
+    fn strands(
+        &mut self,
+        index: usize,
+        file: Option<Strands>,
+        meshes: &[LoadedMesh],
+        space: &RenderSpace,
+    ) -> Result<Strands, AssetError> {
+        let object = self.description().hair[index].clone();
+        let key = format!("hair[{index}]");
+        let map = self.map(&key, &object.transform)?;
+        let (mut strands, to_render) = match (file, &object.grow) {
+            (Some(strands), _) => (strands, space.from_scene() * map),
+            (None, Some(settings)) => {
+                let strands = self.grow(&key, settings, object.color, meshes, space)?;
+                let centered = space.centered();
+                (strands, space.from_scene() * map * centered.inverse())
+            }
+            (None, None) => return Err(self.error(&key, "it has neither file nor grow; give one")),
+        };
+        if let Some(width) = object.width {
+            strands.width = crate::hair::Attribute::Uniform(width as f32);
+        }
+        if let Some(transparency) = object.transparency {
+            strands.transparency = crate::hair::Attribute::Uniform(transparency as f32);
+        }
+        // A grown strand's colour came from `color` already, varied.
+        if let Some(color) = object.color.filter(|_| object.grow.is_none()) {
+            strands.color = crate::hair::Attribute::Uniform(vec3(color));
+        }
+        transform::transform_strands(&to_render, &mut strands);
+        let dropped = strands.cut_damaged().map_err(|e| self.error(&key, e))?;
+        if let Some(note) = dropped.note() {
+            self.notes.push(format!("{key}: {note}"));
+        }
+        Ok(strands)
+    }
+
+    /// Grows hair in the scene moved to the origin: lengths stay the scene's, positions keep their digits.
+    fn grow(
+        &self,
+        key: &str,
+        settings: &description::Grow,
+        color: Option<[f64; 3]>,
+        meshes: &[LoadedMesh],
+        space: &RenderSpace,
+    ) -> Result<Strands, AssetError> {
+        let key = format!("{key}.grow");
+        let index = self.surface_named(&settings.on).ok_or_else(|| {
+            self.error(&format!("{key}.on"), format!("there is no surface named \"{}\"", settings.on))
+        })?;
+        let mut mesh = meshes[index].mesh.clone();
+        transform::transform_mesh(&(space.centered() * meshes[index].map), &mut mesh);
+        let up = up_axis(self.description().up).as_vec3();
+        grow::grow(settings, &mesh, up, color).map_err(|e| self.error(&key, e))
+    }
+
+    fn add_hair(
+        &mut self,
+        index: usize,
+        strands: &Strands,
+        model: &mut HairModel,
+        objects: &mut Vec<HairObject>,
+    ) {
+        let description = &self.description().hair[index];
+        let name = description.name.clone().unwrap_or_else(|| {
+            description.file.as_deref().and_then(Path::file_name).map_or_else(
+                || format!("hair[{index}]"),
+                |file| file.to_string_lossy().into_owned(),
+            )
+        });
+        let degenerate = model.add(strands, objects.len() as u16);
+        objects.push(HairObject {
+            name: name.clone(),
+            specular: vec3(description.specular),
+            exponent: description.exponent as f32,
+        });
+        if degenerate > 0 {
+            self.notes.push(format!("{name}: {degenerate} segments without length are not drawn"));
+        }
+    }
+
+    fn lights(&self, space: &RenderSpace) -> Result<(Vec<DirectLight>, Vec<RectLight>), AssetError> {
+        let lights = &self.description().light;
+        let mut direct = Vec::new();
+        for light in &lights.point {
+            // Intensity over squared distance: the same irradiance needs the scale's square in render units.
+            let intensity = DVec3::from(light.intensity) * space.scale() * space.scale();
+            direct.push(DirectLight::Point {
+                position: space.point32(DVec3::from(light.position)),
+                intensity: intensity.as_vec3(),
+            });
+        }
+        for (index, light) in lights.directional.iter().enumerate() {
+            let toward = (-DVec3::from(light.direction)).try_normalize().ok_or_else(|| {
+                self.error(&format!("light.directional[{index}].direction"), "it has no length; give a direction")
+            })?;
+            direct.push(DirectLight::Directional { toward: toward.as_vec3(), irradiance: vec3(light.irradiance) });
+        }
+        let mut area = Vec::new();
+        for (index, light) in lights.rect.iter().enumerate() {
+            let edge = |edge: [f64; 3]| (DVec3::from(edge) * space.scale()).as_vec3();
+            let center = space.point32(DVec3::from(light.center));
+            let rect = RectLight::new(center, edge(light.edge_u), edge(light.edge_v), vec3(light.radiance));
+            area.push(rect.ok_or_else(|| {
+                self.error(&format!("light.rect[{index}]"), "edge_u and edge_v span no area; they must not be parallel")
+            })?);
+        }
+        Ok((direct, area))
+    }
+
+    fn camera(&self, space: &RenderSpace) -> Result<Camera, AssetError> {
+        let camera = &self.description().camera;
+        let up = camera.up.map_or(up_axis(self.description().up), DVec3::from);
+        let near = camera.near.map_or(1e-4, |near| space.length(near));
+        let position = space.point(DVec3::from(camera.position));
+        let target = space.point(DVec3::from(camera.target));
+        Camera::new(position, target, up, camera.fov, camera.resolution, near).map_err(|e| self.error("camera", e))
+    }
+
+    fn environment(&mut self) -> Result<(Radiance, glam::Mat3), AssetError> {
+        let environment = self.description().environment.clone();
+        let scale = environment.scale as f32;
+        let to_map = map_axes(up_axis(self.description().up).as_vec3(), environment.rotate);
+        let radiance = if let Some(file) = &environment.file {
+            self.environment_map(&self.document.resolve(file), scale)?
+        } else if let Some(Gradient { zenith, horizon, nadir }) = environment.gradient {
+            let [zenith, horizon, nadir] = [zenith, horizon, nadir].map(|color| vec3(color) * scale);
+            Radiance::Gradient { zenith, horizon, nadir }
+        } else {
+            Radiance::Uniform(vec3(environment.color.unwrap_or_default()) * scale)
+        };
+        Ok((radiance, to_map))
+    }
+
+    fn environment_map(&mut self, path: &Path, scale: f32) -> Result<Radiance, AssetError> {
+        let key = "environment.file";
+        let rgb = image::read(path, &image::Limits::default())
+            .and_then(|image| image.rgb())
+            .map_err(|e| self.error(key, e))?;
+        let mut mended = 0_usize;
+        let mut clean = |value: f32| {
+            let sound = value.is_finite() && value >= 0.0;
+            mended += usize::from(!sound);
+            // Infinities and what overflows become the largest half: bright, but its sums stay finite.
+            if value.is_nan() || value < 0.0 { 0.0 } else { (value * scale).min(65_504.0 * scale.max(1.0)) }
+        };
+        let pixels: Vec<Vec3> = rgb.pixels.iter().map(|p| Vec3::from_array(p.map(&mut clean))).collect();
+        if mended > 0 {
+            self.notes.push(format!(
+                "{}: {mended} values are negative or not finite; they are taken as 0 (infinities as 65504)",
+                path.display()
+            ));
+        }
+        Ok(Radiance::Map { width: rgb.width as usize, height: rgb.height as usize, pixels })
+    }
+}
+
+struct Bounds {
+    low: DVec3,
+    high: DVec3,
+}
+
+impl Default for Bounds {
+    fn default() -> Self {
+        Self { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY }
+    }
+}
+
+impl Bounds {
+    fn is_empty(&self) -> bool {
+        self.low.x > self.high.x
+    }
+
+    fn add(&mut self, map: &DAffine3, points: &[Vec3], margin: f64) {
+        for point in points.iter().filter(|point| point.is_finite()) {
+            let point = map.transform_point3(point.as_dvec3());
+            self.low = self.low.min(point - margin);
+            self.high = self.high.max(point + margin);
+        }
+    }
+}
+
+fn vec3(triple: [f64; 3]) -> Vec3 {
+    DVec3::from(triple).as_vec3()
+}
+
+fn up_axis(axis: Axis) -> DVec3 {
+    match axis {
+        Axis::X => DVec3::X,
+        Axis::Y => DVec3::Y,
+        Axis::Z => DVec3::Z,
+    }
+}
