@@ -88,6 +88,9 @@ install_packages() {
         [[ $(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null || true) == installed ]] || missing+=("$package")
     done
     ((${#missing[@]})) || return 0
+    ((EUID == 0)) || command -v sudo >/dev/null ||
+        fail "these are missing, this is not root and there is no sudo: ${missing[*]}" \
+            "Run ffi/setup.sh as root, install sudo, or have someone run: apt-get install --no-install-recommends ${missing[*]}"
     say "installing Debian packages: ${missing[*]}"
     update_lists
     apt_root install --no-install-recommends "${missing[@]}" >&2 ||
@@ -156,7 +159,7 @@ fetch_library() {
         --implementation cp --python-version 311 --abi cp311 --platform manylinux_2_28_x86_64 \
         --dest "$work/wheel" --requirement "$work/requirements.txt" >&2 ||
         fail 'pip download failed (its message is above)' \
-            'Network or proxy: mend it (pip reads its own configuration) and run ffi/setup.sh again. A hash that differs: the file is not the one Tress was tested with; do not use it.'
+            'Network, proxy or its certificate (PIP_CERT): mend it (pip reads its own configuration) and run ffi/setup.sh again. A hash that differs: the file is not the one Tress was tested with; do not use it.'
     mkdir -p -- "$work/native/lib" "$work/unzipped"
     local wheels=("$work/wheel"/*.whl)
     "$python" -m zipfile -e "${wheels[0]}" "$work/unzipped" || fail "${wheels[0]##*/} cannot be unpacked" 'Check the disk space, then run ffi/setup.sh again.'
