@@ -1,5 +1,8 @@
 //! Linear Rec.709 colour to sRGB (IEC 61966-2-1), exactly and without dither: equal input gives equal bytes.
 
+use super::{Error, ImageSpec, PixelFormat, RgbImage, Written, write_atomic};
+use std::path::Path;
+
 /// The sRGB transfer function, from linear light to the encoded value; both 0 to 1. The breakpoint and the constants are
 /// the standard's; the two pieces differ by 3e-8 where they meet.
 #[must_use]
@@ -28,4 +31,16 @@ pub fn to_srgb8(rgb: [f32; 3], exposure: f32) -> [u8; 3] {
         let encoded = linear_to_srgb(scaled.max(0.0).min(1.0));
         (encoded * 255.0).round() as u8
     })
+}
+
+/// Writes linear colour, row by row from the top, as sRGB bytes to a PNG, JPEG or TIFF file.
+///
+/// # Errors
+/// As [`write_atomic`].
+pub fn write_srgb8(path: &Path, image: &RgbImage, exposure: f32) -> Result<Written, Error> {
+    let channels = ["R", "G", "B"].map(|name| (name.to_owned(), PixelFormat::U8));
+    let spec = ImageSpec::new(image.width, image.height, channels.to_vec());
+    let encode = |&pixel: &[f32; 3]| to_srgb8(pixel, exposure).map(|byte| f32::from(byte) / 255.0);
+    let pixels: Vec<f32> = image.pixels.iter().flat_map(encode).collect();
+    write_atomic(path, &spec, &pixels)
 }

@@ -11,6 +11,7 @@
 
 pub mod display;
 mod error;
+mod format;
 mod library;
 mod pixels;
 pub mod read;
@@ -20,7 +21,7 @@ pub mod write;
 pub use error::Error;
 pub use pixels::{Encoding, Image, RgbImage};
 pub use read::{Info, Limits, info, read};
-
+pub use write::{ImageSpec, Written, check_target, write_atomic};
 
 /// How one channel is stored in a file. In memory every channel is `f32`; integers are 0 to 1 over their full range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

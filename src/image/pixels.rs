@@ -75,11 +75,7 @@ impl Image {
     }
 
     fn missing(&self, wanted: &str) -> Error {
-        Error::MissingChannel {
-            path: self.path.clone(),
-            wanted: wanted.to_owned(),
-            present: self.channels.clone(),
-        }
+        Error::MissingChannel { path: self.path.clone(), wanted: wanted.to_owned(), present: self.channels.clone() }
     }
 
     /// Prefixes up to and including the last dot, in the order of the channels.

@@ -95,7 +95,8 @@ pub fn read(path: &Path, limits: &Limits) -> Result<Image, Error> {
         limit: limits.max_bytes,
     })?;
     pixels.resize(count, 0.0);
-    for_each_band(&input.header.clone(), |rows, range| input.read_rows(rows, &mut pixels[range]))
+    let header = input.header;
+    for_each_band(&header, |rows, range| input.read_rows(rows, &mut pixels[range]))
         .map_err(Error::library(path, "read the pixels"))?;
     let integer = info.channels.iter().all(|(_, format)| format.is_display());
     Ok(Image {
