@@ -211,7 +211,8 @@ fn what_is_no_image_file_is_said_to_be_none() {
 /// Noise, so that no compression can leave the end of a file without meaning.
 fn noise(folder: &Path, name: &str, format: PixelFormat) -> PathBuf {
     let channels = ["R", "G", "B"].map(|name| (name.to_owned(), format)).to_vec();
-    let values = (0..64_u32 * 64 * 3).map(|i| (i.wrapping_mul(2_654_435_761) >> 8) as f32 / (1 << 24) as f32);
+    let hash = |i: u32| ((i ^ i >> 7).wrapping_mul(0x85EB_CA6B) >> 9).wrapping_mul(0xC2B2_AE35) >> 8;
+    let values = (0..64_u32 * 64 * 3).map(|i| hash(i) as f32 / (1 << 24) as f32);
     let path = folder.join(name);
     write_atomic(&path, &ImageSpec::new(64, 64, channels), &values.collect::<Vec<_>>()).unwrap();
     path

@@ -55,11 +55,11 @@ impl Error {
         move |source| Self::Io { path: path.to_owned(), action, source }
     }
 
-    /// For `map_err`. OpenImageIO's messages may run over several lines.
-    pub(super) fn library(path: &Path, action: &'static str) -> impl FnOnce(String) -> Self {
+    /// For `map_err`. OpenImageIO's messages may run over several lines and quote the name of `file`, which the user
+    /// knows as `path` and need not read twice.
+    pub(super) fn library(path: &Path, file: &Path, action: &'static str) -> impl FnOnce(String) -> Self {
         move |message| {
-            // The file is named already.
-            let message = message.replace(&format!(" \"{}\"", path.display()), "");
+            let message = message.replace(&format!(" \"{}\"", file.display()), "");
             let message = message.split_whitespace().collect::<Vec<_>>().join(" ");
             Self::Library { path: path.to_owned(), action, message }
         }

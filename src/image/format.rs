@@ -1,6 +1,6 @@
 //! The formats that images are written in, and what each can hold.
 
-use super::{Error, PixelFormat};
+use super::{Error, ImageSpec, MetaValue, PixelFormat};
 use std::ffi::CStr;
 use std::path::Path;
 
@@ -53,7 +53,15 @@ impl FileFormat {
 
     /// Says what is wrong where an image of these channels cannot be stored. The library itself would drop channels or
     /// choose another format or compression in silence.
-    pub fn check(self, channels: &[(String, PixelFormat)], compression: Option<&str>) -> Result<(), String> {
+    pub fn check(self, spec: &ImageSpec) -> Result<(), String> {
+        self.check_channels(&spec.channels)?;
+        if self == Self::Jpeg {
+            check_jpeg(spec)?;
+        }
+        spec.compression.as_deref().map_or(Ok(()), |name| self.check_compression(name))
+    }
+
+    fn check_channels(self, channels: &[(String, PixelFormat)]) -> Result<(), String> {
         let formats: &[PixelFormat] = match self {
             Self::Exr => &[PixelFormat::Half, PixelFormat::Float],
             Self::Png => &[PixelFormat::U8, PixelFormat::U16],
@@ -74,7 +82,7 @@ impl FileFormat {
         if !counts.contains(&channels.len()) || self == Self::Jpeg && channels.len() == 2 {
             return Err(format!("{self:?} does not hold {} channels", channels.len()));
         }
-        compression.map_or(Ok(()), |name| self.check_compression(name))
+        Ok(())
     }
 
     fn check_compression(self, name: &str) -> Result<(), String> {
@@ -100,4 +108,27 @@ impl FileFormat {
         let base = compression.and_then(|name| name.split(':').next());
         self != Self::Jpeg && !matches!(base, Some("pxr24" | "b44" | "b44a" | "dwaa" | "dwab"))
     }
+}
+
+/// The bounds of libjpeg that OpenImageIO does not check: to exceed one would end the process.
+fn check_jpeg(spec: &ImageSpec) -> Result<(), String> {
+    const SIDE: u32 = 65_500;
+    if spec.width > SIDE || spec.height > SIDE {
+        return Err(format!("{}x{} pixels; JPEG ends at {SIDE}", spec.width, spec.height));
+    }
+    // All metadata of a kind shares one marker of 64 kB, written as text in one of the forms.
+    let size = |(name, value): &(String, MetaValue)| {
+        name.len()
+            + match value {
+                MetaValue::Str(text) => text.len(),
+                MetaValue::Int(_) | MetaValue::Float(_) => 16,
+                MetaValue::Floats(numbers) => 16 * numbers.len(),
+                MetaValue::Matrix(_) => 256,
+            }
+    };
+    let bytes: usize = spec.metadata.iter().map(size).sum();
+    if bytes > 16_384 {
+        return Err(format!("{bytes} bytes of metadata; a JPEG file takes 16384"));
+    }
+    Ok(())
 }

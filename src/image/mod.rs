@@ -63,6 +63,9 @@ pub enum MetaValue {
     Matrix([f32; 16]),
 }
 
+/// The primaries of Rec. ITU-R BT.709 and their white, D65: x and y of red, green, blue, white.
+const REC709: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
+
 /// Sets how many threads OpenImageIO uses to compress and decompress; 0 means one for each core. Files do not depend on it.
 pub fn set_threads(count: usize) {
     library::set_threads(i32::try_from(count).unwrap_or(i32::MAX));

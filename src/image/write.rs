@@ -3,7 +3,7 @@
 
 use super::format::FileFormat;
 use super::library::{Header, OutputSpec};
-use super::{Error, MetaValue, PixelFormat, verify};
+use super::{Error, MetaValue, PixelFormat, REC709, verify};
 use std::borrow::Cow;
 use std::collections::HashSet;
 use std::fs::{self, File, Permissions};
@@ -26,7 +26,8 @@ pub struct ImageSpec {
     pub channels: Vec<(String, PixelFormat)>,
     /// A name the format knows, such as `zip` or `dwaa:45`, `jpeg:90`; `None` for a lossless default (JPEG: quality 95).
     pub compression: Option<String>,
-    /// `DateTime` (`YYYY:MM:DD hh:mm:ss`) is fixed unless it is given, so that equal images make equal files.
+    /// `DateTime` (`YYYY:MM:DD hh:mm:ss`) is fixed unless it is given, so that equal images make equal files. An empty
+    /// text is left out.
     pub metadata: Vec<(String, MetaValue)>,
 }
 
@@ -60,8 +61,6 @@ pub struct Written {
 const HALF_MAX: f32 = 65_504.0;
 /// OpenImageIO's EXR writer puts the present in where nothing is given.
 const FIXED_DATE: &str = "2000:01:01 00:00:00";
-/// Rec. ITU-R BT.709: x and y of red, green, blue and white (D65).
-const REC709: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
 
 /// Writes `pixels` (row by row from the top, channels interleaved) to `path`, in the format of its extension.
 ///
@@ -78,8 +77,12 @@ pub fn write_atomic(path: &Path, spec: &ImageSpec, pixels: &[f32]) -> Result<Wri
     let (pixels, mut written) = fit(&spec.channels, pixels);
     let target = resolve(path)?;
     let temporary = temporary_beside(&target, format)?;
-    let output = output_spec(spec, format).map_err(Error::library(path, "describe the image"))?;
-    output.write(format.library_name(), &temporary, &pixels).map_err(Error::library(path, "write the image"))?;
+    let output = output_spec(spec, format).map_err(Error::library(path, path, "describe the image"))?;
+    output.write(format.library_name(), &temporary, &pixels).map_err(Error::library(
+        path,
+        &temporary,
+        "write the image",
+    ))?;
     written.bytes = verify::verify(&temporary, path, format, spec, &pixels)?;
     // By name: the library has opened the file anew and might have replaced it.
     File::open(&temporary).and_then(|file| file.sync_all()).map_err(Error::io(path, "flush the image to disk"))?;
@@ -146,10 +149,7 @@ fn check_spec(path: &Path, spec: &ImageSpec, format: FileFormat, values: usize) 
     if let Some((name, _)) = spec.channels.iter().find(|(name, _)| name.is_empty() || !names.insert(name)) {
         return bad(format!("the channel name {name:?} is empty or used twice"));
     }
-    if let Err(what) = format.check(&spec.channels, spec.compression.as_deref()) {
-        return bad(what);
-    }
-    Ok(())
+    format.check(spec).or_else(bad)
 }
 
 /// Brings values into the range of their formats. Left to the library, 1e5 becomes infinite in a half.
@@ -199,11 +199,36 @@ fn output_spec(spec: &ImageSpec, format: FileFormat) -> Result<OutputSpec, Strin
         // Our colour is not multiplied by alpha: the writer shall not divide by it.
         default("oiio:UnassociatedAlpha", MetaValue::Int(1))?;
     }
-    for (name, value) in &spec.metadata {
+    // On an empty caption OpenImageIO's JPEG and TIFF writers abort.
+    let empty = |value: &MetaValue| matches!(value, MetaValue::Str(text) if text.is_empty());
+    for (name, value) in spec.metadata.iter().filter(|(_, value)| !empty(value)) {
         output.set(name, value)?;
     }
     if let Some(compression) = spec.compression.as_deref().or(format.default_compression()) {
         output.set("compression", &MetaValue::Str(compression.to_owned()))?;
     }
     Ok(output)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Values that fit are handed on without a copy; no value leaves its format's range.
+        #[test]
+        fn fitted_values_are_in_range(bits in proptest::collection::vec(any::<u32>(), 2..40)) {
+            let pixels: Vec<f32> = bits[..bits.len() / 2 * 2].iter().map(|&bits| f32::from_bits(bits)).collect();
+            let channels = [("R".to_owned(), PixelFormat::Half), ("G".to_owned(), PixelFormat::U8)];
+            let (fitted, written) = fit(&channels, &pixels);
+            for pair in fitted.chunks_exact(2) {
+                prop_assert!(!pair[0].is_finite() || pair[0].abs() <= HALF_MAX);
+                prop_assert!((0.0..=1.0).contains(&pair[1]));
+            }
+            prop_assert_eq!(written.non_finite, pixels.iter().filter(|value| !value.is_finite()).count());
+            let floats = [("R".to_owned(), PixelFormat::Float)];
+            prop_assert!(matches!(fit(&floats, &pixels).0, Cow::Borrowed(_)));
+        }
+    }
 }
