@@ -1,7 +1,10 @@
 #include "shim.h"
 
+#include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
+#include <cerrno>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <deque>
@@ -12,6 +15,7 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <vector>
 
 using OIIO::ImageInput;
 using OIIO::ImageOutput;
@@ -91,6 +95,17 @@ std::size_t value_count(int64_t width, int64_t height, int64_t channels) {
     const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
     if (pixels > most / static_cast<std::size_t>(channels)) throw std::invalid_argument("an image too large to address");
     return pixels * static_cast<std::size_t>(channels);
+}
+
+void save(const std::vector<unsigned char>& bytes, const char* path) {
+    std::FILE* file = std::fopen(path, "wb");
+    bool ok = file && std::fwrite(bytes.data(), 1, bytes.size(), file) == bytes.size();
+    int code = errno;
+    if (file && std::fclose(file) != 0) {
+        if (ok) code = errno;
+        ok = false;
+    }
+    if (!ok) fail(std::strerror(code), "the file cannot be written");
 }
 
 }  // namespace
@@ -266,15 +281,21 @@ int32_t oiio_shim_write(const oiio_shim_spec* spec, const char* format, const ch
         bool same = true;
         for (const TypeDesc& type : target.channelformats) same = same && type == target.format;
         if (same) target.channelformats.clear();
+        // When it cannot write to a file, libjpeg ends the process; so it gets no file.
+        std::vector<unsigned char> bytes;
+        OIIO::Filesystem::IOVecOutput memory(bytes);
         const std::unique_ptr<ImageOutput> writer = ImageOutput::create(format);
         if (!writer) fail(OIIO::geterror(), "this OpenImageIO has no writer for the format");
         if (!same && !writer->supports("channelformats")) throw std::invalid_argument("the format stores all channels alike");
+        const bool in_memory = std::strcmp(format, "jpeg") == 0;
+        if (in_memory && !writer->set_ioproxy(&memory)) fail(writer->geterror(), "the format cannot be written to memory");
         if (!writer->open(path, target)) fail(writer->geterror(), "the file cannot be created");
         const bool written = writer->write_image(TypeDesc::FLOAT, data) && !writer->has_error();
         const std::string message = writer->geterror();
         const bool closed = writer->close() && !writer->has_error();
         if (!written) fail(message, "the pixels cannot be written");
         if (!closed) fail(writer->geterror(), "the file cannot be finished");
+        if (in_memory) save(bytes, path);
         return 1;
     });
 }

@@ -76,7 +76,7 @@ int32_t oiio_shim_spec_channel(oiio_shim_spec* spec, int32_t channel, const char
 int32_t oiio_shim_spec_attribute(oiio_shim_spec* spec, const oiio_shim_attribute* attribute, char** error) noexcept;
 
 // Writes a whole image, interleaved, with the writer called `format`: opens, writes, closes and asks for errors after each
-// step. 1 on success, else 0; success does not mean that the file is whole (some writers do not notice a full disk).
+// step. JPEG is made in memory first. 1 on success, else 0; success does not mean that the file is whole (some writers do not notice a full disk).
 int32_t oiio_shim_write(const oiio_shim_spec* spec, const char* format, const char* path, const float* data, size_t count,
                         char** error) noexcept;
 }

@@ -20,7 +20,7 @@ pub enum Error {
     #[error("{}: cannot {action}: {message} (OpenImageIO)", path.display())]
     Library { path: PathBuf, action: &'static str, message: String },
     /// More memory than [`super::Limits`] allow.
-    #[error("{}: {what} of {bytes} bytes, more than the limit of {limit}; reduce its resolution", path.display())]
+    #[error("{}: {what} of {bytes} bytes, more than the limit of {limit}; make it smaller or raise the limit", path.display())]
     TooLarge { path: PathBuf, what: String, bytes: u128, limit: u64 },
     /// A header that promises more than any compression could hold in the file.
     #[error(
@@ -55,9 +55,11 @@ impl Error {
         move |source| Self::Io { path: path.to_owned(), action, source }
     }
 
-    /// For `map_err`. OpenImageIO's messages may run over several lines.
-    pub(super) fn library(path: &Path, action: &'static str) -> impl FnOnce(String) -> Self {
+    /// For `map_err`. OpenImageIO's messages may run over several lines and quote the name of `file`, which the user
+    /// knows as `path` and need not read twice.
+    pub(super) fn library(path: &Path, file: &Path, action: &'static str) -> impl FnOnce(String) -> Self {
         move |message| {
+            let message = message.replace(&format!(" \"{}\"", file.display()), "");
             let message = message.split_whitespace().collect::<Vec<_>>().join(" ");
             Self::Library { path: path.to_owned(), action, message }
         }

@@ -11,6 +11,7 @@
 
 pub mod display;
 mod error;
+mod format;
 mod library;
 mod pixels;
 pub mod read;
@@ -20,6 +21,7 @@ pub mod write;
 pub use error::Error;
 pub use pixels::{Encoding, Image, RgbImage};
 pub use read::{Info, Limits, info, read};
+pub use write::{ImageSpec, Written, check_target, write_atomic};
 
 /// How one channel is stored in a file. In memory every channel is `f32`; integers are 0 to 1 over their full range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -60,6 +62,9 @@ pub enum MetaValue {
     /// 4x4, in the order in which OpenImageIO stores it: row vectors, translation in elements 12 to 14.
     Matrix([f32; 16]),
 }
+
+/// The primaries of Rec. ITU-R BT.709 and their white, D65: x and y of red, green, blue, white.
+const REC709: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
 
 /// Sets how many threads OpenImageIO uses to compress and decompress; 0 means one for each core. Files do not depend on it.
 pub fn set_threads(count: usize) {

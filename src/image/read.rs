@@ -95,8 +95,12 @@ pub fn read(path: &Path, limits: &Limits) -> Result<Image, Error> {
         limit: limits.max_bytes,
     })?;
     pixels.resize(count, 0.0);
-    for_each_band(&input.header.clone(), |rows, range| input.read_rows(rows, &mut pixels[range]))
-        .map_err(Error::library(path, "read the pixels"))?;
+    let header = input.header;
+    for_each_band(&header, |rows, range| input.read_rows(rows, &mut pixels[range])).map_err(Error::library(
+        path,
+        path,
+        "read the pixels",
+    ))?;
     let integer = info.channels.iter().all(|(_, format)| format.is_display());
     Ok(Image {
         path: path.to_owned(),
@@ -138,7 +142,7 @@ pub(super) fn for_each_band<E>(
 pub(super) fn open(path: &Path) -> Result<(Input, Info), Error> {
     let file_bytes = file_size(path)?;
     let format = sniff(path)?.ok_or_else(|| Error::UnknownFormat { path: path.to_owned() })?;
-    let mut input = Input::open(format, path).map_err(Error::library(path, "open the image"))?;
+    let mut input = Input::open(format, path).map_err(Error::library(path, path, "open the image"))?;
     let header = input.header;
     let nonsense = || Error::Library {
         path: path.to_owned(),
