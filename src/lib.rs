@@ -1,5 +1,6 @@
 //! Tress: hair and fur in scenes with global illumination.
 
+mod file;
 pub mod hair;
 pub mod hash;
 pub mod scene;

@@ -4,8 +4,8 @@
 //! number of threads and, without clumping, for any number of strands: a larger `count` adds strands and moves none.
 //! With clumping the number of clumps is `count / clump_size`; raise both alike to keep the clumps.
 //!
-//! The steps, one file each: where strands stand ([`roots`]), which of them belong together ([`clump`]), and how each
-//! one runs ([`shape`]).
+//! The steps, one file each: where strands stand (`roots`), which of them belong together (`clump`), and how each one
+//! runs (`shape`).
 
 mod clump;
 mod roots;

@@ -1,5 +1,6 @@
 use super::*;
 use crate::surface::primitives::{plane, sphere};
+use proptest::prelude::*;
 
 fn on_sphere(spec: &Grow) -> Strands {
     let strands = grow(spec, &sphere(DVec3::ZERO, 1.0), Vec3::Y, None).unwrap();
@@ -185,4 +186,24 @@ fn bad_values_are_named() {
     assert_eq!(grow(&ok(), &flat, Vec3::Y, None), Err(GrowError::NoArea));
     flat.triangles[0][2] = 9;
     assert!(matches!(grow(&ok(), &flat, Vec3::Y, None), Err(GrowError::Surface(_))));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+    #[test]
+    fn every_allowed_description_grows_sound_hair(
+        (length, vary, lean, gravity) in (1e-9f64..1e6, 0.0f64..=1.0, 0.0f64..100.0, -100.0f64..100.0),
+        (curl_radius, curl_frequency) in (prop_oneof![Just(0.0), 0.0f64..1e6], 0.0f64..1000.0),
+        (clumping, clump_size) in (prop_oneof![Just(0.0), 0.0f64..=1.0], 1u32..100_000),
+        (count, segments, seed) in (1u32..60, 1u32..20, any::<u32>()),
+        (low, high) in (-1.0f64..0.0, 0.0f64..1.0),
+    ) {
+        let spec = Grow {
+            count, segments, seed, length, length_variation: vary, lean, gravity, curl_radius, curl_frequency, clumping,
+            clump_size, color_variation: vary, slope: [low, high], ..Grow::default()
+        };
+        let strands = on_sphere(&spec);
+        prop_assert_eq!(strands.strand_count(), count as usize);
+        prop_assert!(roots_of(&strands).iter().all(|r| (r.length() - 1.0).abs() < 1e-3));
+    }
 }
