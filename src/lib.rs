@@ -12,3 +12,5 @@ pub mod scene;
 pub mod shading;
 pub mod surface;
 pub mod transform;
+
+mod file;

@@ -95,6 +95,7 @@ pub fn transform_mesh(map: &DAffine3, mesh: &mut Mesh) {
 }
 
 /// Moves strands. Widths scale with the cube root of the volume's ratio, as a strand has but one width.
+/// Points beyond the range of f32 become infinite, which [`Strands::validate`] finds.
 pub fn transform_strands(map: &DAffine3, strands: &mut Strands) {
     move_points(map, &mut strands.points);
     let factor = map.matrix3.determinant().abs().cbrt();

@@ -3,8 +3,6 @@
 //! Polygons become triangle fans. Diffuse colours (`Kd`) are taken as linear Rec.709. Texture coordinates, lines,
 //! points, curves and groups are ignored.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec3};
@@ -12,6 +10,7 @@ use thiserror::Error;
 
 use super::mesh::{DEFAULT_DIFFUSE, Flaw, Material, Mesh};
 use super::screen::{self, BadLine};
+use crate::file::read_regular;
 
 /// Larger OBJ files are refused, in bytes.
 pub const MAX_OBJ_BYTES: u64 = 8 << 30;
@@ -49,18 +48,33 @@ pub enum Error {
 /// A file that cannot be read, a line that cannot be understood, an index out of range, a mesh without faces.
 pub fn load_obj(path: &Path) -> Result<Loaded, Error> {
     let bytes = read_regular(path, MAX_OBJ_BYTES).map_err(|source| Error::Read { path: path.into(), source })?;
-    let text = decode(&bytes);
-    let screened =
-        screen::obj(&text).map_err(|BadLine { line, what }| Error::Line { path: path.into(), line, what })?;
-    drop(text);
-    drop(bytes);
+    let folder = path.parent().unwrap_or(Path::new(""));
+    load_bytes(&bytes, folder).map_err(|fault| match fault {
+        Fault::Line(BadLine { line, what }) => Error::Line { path: path.into(), line, what },
+        Fault::NoFaces => Error::NoFaces { path: path.into() },
+        Fault::Parse(source) => Error::Parse { path: path.into(), source },
+        Fault::Mesh(source) => Error::Mesh { path: path.into(), source },
+    })
+}
+
+/// An error that does not know its file yet.
+#[derive(Debug)]
+enum Fault {
+    Line(BadLine),
+    NoFaces,
+    Parse(tobj::LoadError),
+    Mesh(Flaw),
+}
+
+/// The mesh in the bytes of an OBJ file whose MTL files are looked for in `folder`.
+fn load_bytes(bytes: &[u8], folder: &Path) -> Result<Loaded, Fault> {
+    let screened = screen::obj(&decode(bytes)).map_err(Fault::Line)?;
     if screened.faces == 0 {
-        return Err(Error::NoFaces { path: path.into() });
+        return Err(Fault::NoFaces);
     }
     let mut notes = vec![];
-    let materials = read_libraries(path.parent().unwrap_or(Path::new("")), &screened.libraries, &mut notes);
-    let (models, materials) =
-        parse(&screened.text, &materials).map_err(|source| Error::Parse { path: path.into(), source })?;
+    let materials = read_libraries(folder, &screened.libraries, &mut notes);
+    let (models, materials) = parse(&screened.text, &materials).map_err(Fault::Parse)?;
     if screened.left_out > 0 {
         notes.push(format!("{} lines and points are left out", screened.left_out));
     }
@@ -71,24 +85,8 @@ pub fn load_obj(path: &Path) -> Result<Loaded, Error> {
     }
     note_missing(&screened.used, &materials, &mut notes);
     let mesh = assemble(models, materials, &mut notes);
-    mesh.validate().map_err(|source| Error::Mesh { path: path.into(), source })?;
+    mesh.validate().map_err(Fault::Mesh)?;
     Ok(Loaded { mesh, notes })
-}
-
-/// The whole of a regular file, unless it is larger than `limit` bytes. A device or a pipe could go on for ever.
-fn read_regular(path: &Path, limit: u64) -> std::io::Result<Vec<u8>> {
-    // Before it is opened: opening a named pipe waits for a writer.
-    let size = path.metadata().and_then(|data| match data.is_file() {
-        true => Ok(data.len()),
-        false => Err(std::io::Error::other("it is not a regular file")),
-    })?;
-    if size > limit {
-        return Err(std::io::Error::other(format!("it has {size} bytes, more than {limit}")));
-    }
-    let mut bytes = Vec::new();
-    bytes.try_reserve_exact(size as usize).map_err(std::io::Error::other)?;
-    File::open(path)?.take(size).read_to_end(&mut bytes)?;
-    Ok(bytes)
 }
 
 /// UTF-8 without its mark; names in other encodings lose their odd letters, numbers do not.
@@ -220,6 +218,7 @@ fn flat_normal(area_vector: DVec3) -> Vec3 {
 mod tests {
     use super::*;
     use crate::surface::inspect::inspect;
+    use proptest::prelude::*;
 
     const DATA: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/");
 
@@ -341,5 +340,41 @@ mod tests {
         assert!(matches!(load(&[("e.obj", b"")]), Err(Error::NoFaces { .. })));
         let e = load(&[("f.obj", b"v 0 0 0\nv 0 0 1\nv 0 1 0\nf 1 2 4\n")]).unwrap_err().to_string();
         assert!(e.ends_with("f.obj, line 4: the face uses vertex 4, but the file has only 3"), "{e}");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(400))]
+        #[test]
+        fn damaged_files_never_panic(
+            changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0..3u8), 1..8),
+        ) {
+            let mut bytes = b"mtllib a b\nv 0 0 0\nv 1 0 0 2\nv 0 1 0 1 0 0\nv 1 1 1\nvt 0 0\nvn 0 0 1\nvn 1 0 0\n\
+                usemtl x\nf 1/1/1 2//2 -2/1/1 4\no y\nf 1//1 2//1 3//1\nusemtl z\nf 1 2 3 4 1\nl 1 2\n".to_vec();
+            for (index, value, kind) in changes {
+                let at = index.index(bytes.len());
+                match kind {
+                    0 => bytes[at] = value,
+                    // Digits, signs and spaces do more harm than random bytes.
+                    1 => bytes[at] = b"0123456789-/. \n"[usize::from(value) % 15],
+                    _ => { bytes.remove(at); }
+                }
+            }
+            if let Ok(loaded) = load_bytes(&bytes, Path::new("/no/such/folder")) {
+                prop_assert_eq!(loaded.mesh.validate(), Ok(()));
+            }
+        }
+
+        #[test]
+        fn damaged_material_files_never_panic(
+            changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+        ) {
+            let mut bytes = b"newmtl a\nKd 1 0.5 0\nmap_Kd x\nillum 2\nKa 1\nnewmtl b\nKd 0.1\nNs 3\nd 1\n".to_vec();
+            for (index, value) in changes {
+                let at = index.index(bytes.len());
+                bytes[at] = if value < 128 { value } else { b"0123456789-. \n#K"[usize::from(value) % 16] };
+            }
+            let text = screen::mtl(&decode(&bytes), &mut vec![]);
+            prop_assert!(parse("mtllib m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n", &text).is_ok());
+        }
     }
 }

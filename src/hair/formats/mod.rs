@@ -2,21 +2,20 @@
 //!
 //! Files are taken as hostile. A reader compares the counts in a header with the size of the file before it allocates
 //! anything, so a file cannot make it hold more than a small multiple of its own size; it ends in strands or in an
-//! [`Error`] that names the file, the place and what was found there, never in a panic.
+//! [`enum@Error`] that names the file, the place and what was found there, never in a panic.
 
 mod hair;
 mod text;
 mod tfx;
 mod write;
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 use thiserror::Error;
 
 use super::strands::{Attribute, Dropped, Strands, bounds};
+use crate::file::read_regular;
 use crate::scene::description::{HairFormat, ThicknessIs};
 
 pub use write::write_hair;
@@ -93,7 +92,7 @@ struct Raw {
 /// # Errors
 /// A file that cannot be read, or whose content is not what its format asks for.
 pub fn read(path: &Path, format: HairFormat, options: &Options) -> Result<Loaded, Error> {
-    let bytes = read_bytes(path).map_err(|source| Error::Read { path: path.into(), source })?;
+    let bytes = read_regular(path, MAX_FILE_BYTES).map_err(|source| Error::Read { path: path.into(), source })?;
     let extension = path.extension().and_then(|e| e.to_str());
     parse(&bytes, format, extension, options).map_err(|fault| Error::Content { path: path.into(), fault })
 }
@@ -104,29 +103,19 @@ pub fn read(path: &Path, format: HairFormat, options: &Options) -> Result<Loaded
 /// A content that is not what the format asks for.
 pub fn parse(bytes: &[u8], format: HairFormat, extension: Option<&str>, options: &Options) -> Result<Loaded, Fault> {
     let format = resolve(bytes, format, extension)?;
-    let raw = match format {
+    let mut raw = match format {
         HairFormat::Hair => hair::parse(bytes, options.thickness_is.unwrap_or(ThicknessIs::Diameter))?,
         HairFormat::Tfx => tfx::parse(bytes)?,
         HairFormat::Text | HairFormat::Auto => text::parse(bytes)?,
     };
+    if options.thickness_is.is_some() && format != HairFormat::Hair {
+        let why = match format {
+            HairFormat::Text => "text files hold radii by definition",
+            _ => "the file holds no widths",
+        };
+        raw.notes.push(format!("`thickness_is` is ignored: {why}"));
+    }
     finish(raw, format)
-}
-
-/// The whole of a regular file, refused when it is too large.
-fn read_bytes(path: &Path) -> std::io::Result<Vec<u8>> {
-    let file = File::open(path)?;
-    let data = file.metadata()?;
-    if !data.is_file() {
-        return Err(std::io::Error::other("it is not a regular file"));
-    }
-    if data.len() > MAX_FILE_BYTES {
-        return Err(std::io::Error::other(format!("it has {} bytes, more than {MAX_FILE_BYTES}", data.len())));
-    }
-    // A file may grow while it is read: take no more than was agreed to.
-    let mut bytes = Vec::new();
-    bytes.try_reserve_exact(data.len() as usize).map_err(std::io::Error::other)?;
-    file.take(data.len()).read_to_end(&mut bytes)?;
-    Ok(bytes)
 }
 
 /// The format that the first bytes show, if they show one.
@@ -148,6 +137,10 @@ fn sniff(bytes: &[u8]) -> Option<HairFormat> {
 fn resolve(bytes: &[u8], format: HairFormat, extension: Option<&str>) -> Result<HairFormat, Fault> {
     if bytes.is_empty() {
         return Err(Fault::Whole("the file is empty".into()));
+    }
+    let foreign: [(&[u8], &str); 3] = [(b"#usda", "USD"), (b"PXR-USDC", "USD"), (b"Ogawa", "Alembic")];
+    if let Some((_, kind)) = foreign.iter().find(|(magic, _)| bytes.starts_with(magic)) {
+        return Err(Fault::Whole(format!("{kind} files are not read; export the curves as HAIR, TressFX or text")));
     }
     let named = match extension.map(str::to_ascii_lowercase).as_deref() {
         Some("hair") => Some(HairFormat::Hair),

@@ -96,7 +96,7 @@ fn usd_files_are_refused_by_name() {
     let path = Path::new(DATA).join("usd_pinnedCurves.usda");
     if path.exists() {
         let error = read(&path, HairFormat::Auto, &Options::default()).unwrap_err().to_string();
-        assert!(error.contains("usd_pinnedCurves.usda: "), "{error}");
+        assert!(error.contains("usd_pinnedCurves.usda: USD files are not read"), "{error}");
     }
 }
 
@@ -106,6 +106,11 @@ fn text_is_forgiving_about_space_only() {
     let loaded = auto(text).unwrap();
     assert_eq!(loaded.strands.first, [0, 2, 4]);
     assert_eq!(loaded.strands.width, Attribute::PerPoint(vec![2.0, 1.0, 2.0, 2.0]));
+
+    let radius = Options { thickness_is: Some(ThicknessIs::Radius) };
+    let same = parse(text, HairFormat::Text, None, &radius).unwrap();
+    assert_eq!(same.strands, loaded.strands);
+    assert!(same.notes.contains(&"`thickness_is` is ignored: text files hold radii by definition".into()));
 
     let message = |text: &[u8]| auto(text).unwrap_err().to_string();
     assert_eq!(message(b"0 0 0 1\n1 0 0\n"), "line 2: 3 numbers instead of the four of `x y z radius`");
@@ -351,4 +356,32 @@ fn the_header_is_as_the_format_says() {
     assert_eq!(&bytes[..16], b"HAIR\x03\0\0\0\x09\0\0\0\x1f\0\0\0");
     assert_eq!(bytes.len(), 128 + 2 * 3 + (12 + 4 + 4 + 12) * 9);
     assert_eq!(&bytes[128..134], [1, 0, 3, 0, 2, 0]);
+}
+
+/// Distance from a point to a triangle: to the face where the foot of the perpendicular is inside, else to an edge.
+fn distance(p: glam::DVec3, [a, b, c]: [glam::DVec3; 3]) -> f64 {
+    let n = (b - a).cross(c - a);
+    let inside = [(a, b), (b, c), (c, a)].iter().all(|(from, to)| (*to - *from).cross(p - *from).dot(n) >= 0.0);
+    if inside && n.length() > 0.0 {
+        return (p - a).dot(n.normalize()).abs();
+    }
+    let edge = |from: glam::DVec3, to: glam::DVec3| {
+        let t = (p - from).dot(to - from) / (to - from).length_squared().max(1e-300);
+        p.distance(from.lerp(to, t.clamp(0.0, 1.0)))
+    };
+    edge(a, b).min(edge(b, c)).min(edge(c, a))
+}
+
+/// Hair and head come from different files in different formats, so axes, units and offsets of both must be right.
+#[test]
+fn sintels_hair_stands_on_her_head() {
+    let Some(hair) = real("sintel_hair.16points.tfx", &Options::default()) else { return };
+    let head = crate::surface::obj::load_obj(&Path::new(DATA).join("sintel_head/sintel.obj")).unwrap().mesh;
+    let mut distances: Vec<f64> = (hair.strands.iter().step_by(57))
+        .map(|s| s[0].as_dvec3())
+        .map(|root| (0..head.triangles.len()).map(|i| distance(root, head.corners(i))).fold(f64::INFINITY, f64::min))
+        .collect();
+    distances.sort_by(f64::total_cmp);
+    let median = distances[distances.len() / 2];
+    assert!((0.0002..0.0006).contains(&median), "{median}");
 }
