@@ -116,7 +116,7 @@ fn the_schema_is_printed_as_json() {
 fn manual_pages_and_completions_are_printed() {
     let (code, out, _) = run(Path::new("."), &["man"]);
     assert_eq!(code, 0);
-    assert!(out.contains(".TH tress 1") && out.contains("130"), "{out}");
+    assert!(out.contains(".TH tress 1") && out.contains(".SH \"EXIT STATUS\"") && out.contains("130"), "{out}");
     let (code, out, _) = run(Path::new("."), &["man", "render"]);
     assert_eq!(code, 0);
     assert!(out.contains("occlusion") && out.contains("quiet"), "{out}");

@@ -1,6 +1,8 @@
 //! `tress man`: manual pages.
 
 use clap::CommandFactory;
+use clap_mangen::Man;
+use clap_mangen::roff::{Roff, bold, roman};
 
 use super::{Cli, Failure, exit};
 
@@ -23,6 +25,23 @@ pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
         })?,
     };
     let mut page = Vec::new();
-    clap_mangen::Man::new(command).render(&mut page).map_err(|e| Failure::Bug(format!("manual page: {e}")))?;
+    write(&Man::new(command), &mut page).map_err(|e| Failure::Bug(format!("manual page: {e}")))?;
     exit::print(&page)
+}
+
+/// The page's sections; in place of the help's bottom, which roff would run together, a proper list of exit codes.
+fn write(man: &Man, page: &mut Vec<u8>) -> std::io::Result<()> {
+    man.render_title(page)?;
+    man.render_name_section(page)?;
+    man.render_synopsis_section(page)?;
+    man.render_description_section(page)?;
+    man.render_options_section(page)?;
+    man.render_subcommands_section(page)?;
+    let mut roff = Roff::new();
+    roff.control("SH", ["EXIT STATUS"]);
+    for (code, meaning) in exit::STATUS {
+        roff.control("TP", []).text([bold(code.to_string())]).text([roman(meaning)]);
+    }
+    roff.to_writer(page)?;
+    man.render_version_section(page)
 }

@@ -11,7 +11,7 @@ mod man;
 pub mod progress;
 pub mod render;
 mod schema;
-mod values;
+pub mod values;
 
 use std::process::ExitCode;
 
@@ -23,7 +23,7 @@ use crate::scene::{Document, SceneError};
 
 /// Renders hair and fur in scenes with global illumination.
 #[derive(Parser)]
-#[command(name = "tress", version, about, after_long_help = exit::STATUS_HELP, propagate_version = true, infer_subcommands = false)]
+#[command(name = "tress", version, about, after_long_help = exit::status_help(), propagate_version = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -46,18 +46,22 @@ enum Command {
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct Verbosity {
     /// Print errors only: no warnings, no progress
-    #[arg(long, short, global = true, conflicts_with = "verbose")]
+    #[arg(long, short, global = true, conflicts_with = "verbose", display_order = 900)]
     pub quiet: bool,
     /// Say more: once for what is done, twice for details, three times for everything
-    #[arg(long, short, global = true, action = clap::ArgAction::Count)]
+    #[arg(long, short, global = true, action = clap::ArgAction::Count, display_order = 901)]
     pub verbose: u8,
 }
 
 /// `--set`, for the subcommands that read a scene.
 #[derive(Args, Clone, Debug, Default)]
 struct Overrides {
-    /// Set a key of the scene, as in camera.fov=40 or hair[0].width=0.1
-    #[arg(long, value_name = "KEY.PATH=VALUE", value_parser = values::setting)]
+    #[arg(
+        long,
+        value_name = "KEY.PATH=VALUE",
+        value_parser = values::setting,
+        help = "Set a key of the scene, as in camera.fov=40 or hair[0].width=0.1"
+    )]
     set: Vec<String>,
 }
 

@@ -44,12 +44,12 @@ impl Progress for Reporter {
                     0 => "{spinner} {prefix} {elapsed}",
                     _ => "{prefix} [{bar:30}] {percent:>3} % {elapsed}, {eta} left",
                 };
-                if let Ok(style) = ProgressStyle::with_template(template) {
-                    bar.set_style(style.progress_chars("=> "));
-                }
                 bar.reset();
                 bar.set_length(total);
                 bar.set_prefix(name.to_owned());
+                if let Ok(style) = ProgressStyle::with_template(template) {
+                    bar.set_style(style.progress_chars("=> "));
+                }
                 bar.enable_steady_tick(Duration::from_millis(200));
             }
             Form::Lines(lines) => lines.stage(name, total, Instant::now()).iter().for_each(|line| log::say(line)),
