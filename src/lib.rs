@@ -1,6 +1,7 @@
 //! Tress: hair and fur in scenes with global illumination.
 
 pub mod camera;
+pub mod cli;
 pub mod embree;
 pub mod fragment;
 pub mod hair;
@@ -8,6 +9,7 @@ pub mod hash;
 pub mod illumination;
 pub mod image;
 pub mod occlusion;
+pub mod render;
 pub mod scene;
 pub mod shading;
 pub mod surface;

@@ -22,7 +22,7 @@ impl Finding {
 }
 
 /// Beyond this many, findings only cost time: a hostile file has millions.
-const MAX_FINDINGS: usize = 1000;
+pub(crate) const MAX_FINDINGS: usize = 1000;
 
 /// Every way in which `value` is no scene. Whole numbers written as `10.0` or `1e4` become integers on the way.
 pub(crate) fn check(value: &mut Value) -> Vec<Finding> {

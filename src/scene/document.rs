@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use super::check::{self, Finding};
+use super::check::{self, Finding, MAX_FINDINGS};
 use super::description::Description;
 use super::keypath::KeyPath;
 use super::spans::{Node, Origin, Place, Spans};
@@ -60,7 +60,12 @@ impl fmt::Display for Problems {
         for (n, problem) in self.list.iter().enumerate() {
             write!(f, "{}{problem}", if n > 0 { "\n" } else { "" })?;
         }
-        if self.more > 0 { write!(f, "\nand {} more", self.more) } else { Ok(()) }
+        match self.more {
+            0 => Ok(()),
+            // The search ends there, so that the number is not the whole number.
+            more if more + self.list.len() >= MAX_FINDINGS => write!(f, "\nand many more"),
+            more => write!(f, "\nand {more} more"),
+        }
     }
 }
 
@@ -166,22 +171,19 @@ pub(crate) fn from_bytes(
     let mut spans = Spans::new(path, text, root, overrides);
 
     let faults = overrides::apply(&mut value, &mut spans.root, overrides);
-    let mut problems: Vec<Problem> = faults
-        .into_iter()
-        .map(|(n, message)| Problem { place: Place::Override(overrides[n].clone()), message })
-        .collect();
-    problems.extend(place(check::check(&mut value), &spans));
-    if !problems.is_empty() {
-        return Err(invalid(problems));
-    }
+    let (mut list, more) = place(check::check(&mut value), &spans);
+    let fault = |(n, message): (usize, String)| Problem { place: Place::Override(overrides[n].clone()), message };
+    list.extend(faults.into_iter().map(fault));
+    refuse(list, more)?;
     let description = describe(value, &spans)?;
 
     let found = validate::validate(&description, &spans, &base_dir);
-    if !found.errors.is_empty() {
-        return Err(invalid(place(found.errors, &spans)));
+    let (errors, more) = place(found.errors, &spans);
+    refuse(errors, more)?;
+    let (mut warnings, more) = place(found.warnings, &spans);
+    if more > 0 {
+        warnings.push(Problem { place: spans.value(&KeyPath::root()), message: format!("and {more} more warnings") });
     }
-    let mut warnings = place(found.warnings, &spans);
-    warnings.sort();
     let (path, overrides) = (path.to_owned(), overrides.to_owned());
     Ok(Document { description, path, base_dir, source_hash, overrides, spans, warnings })
 }
@@ -205,17 +207,23 @@ fn text_of(bytes: &[u8], path: &Path) -> Result<String, SceneError> {
     })
 }
 
-fn place(findings: Vec<Finding>, spans: &Spans) -> Vec<Problem> {
+/// The first findings in the order of the file, with their places, and the number of the others. Only these, because
+/// a column costs the length of its line.
+fn place(mut findings: Vec<Finding>, spans: &Spans) -> (Vec<Problem>, usize) {
+    findings.sort_by_cached_key(|f| spans.order(&f.path, f.about_key));
+    let more = findings.len().saturating_sub(MAX_PROBLEMS);
+    findings.truncate(MAX_PROBLEMS);
     let place = |f: &Finding| if f.about_key { spans.key(&f.path) } else { spans.value(&f.path) };
-    findings.into_iter().map(|f| Problem { place: place(&f), message: f.message }).collect()
+    (findings.into_iter().map(|f| Problem { place: place(&f), message: f.message }).collect(), more)
 }
 
-fn invalid(mut list: Vec<Problem>) -> SceneError {
-    list.sort();
-    list.dedup();
-    let more = list.len().saturating_sub(MAX_PROBLEMS);
-    list.truncate(MAX_PROBLEMS);
-    SceneError::Invalid(Problems { list, more })
+/// An error if there are problems; `more` were found but not placed.
+fn refuse(list: Vec<Problem>, more: usize) -> Result<(), SceneError> {
+    if list.is_empty() { Ok(()) } else { Err(SceneError::Invalid(Problems { list, more })) }
+}
+
+fn invalid(list: Vec<Problem>) -> SceneError {
+    SceneError::Invalid(Problems { list, more: 0 })
 }
 
 impl Document {

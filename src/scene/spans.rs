@@ -113,6 +113,14 @@ impl Spans {
         self.place(self.nearest(path).origin, false)
     }
 
+    /// Where in the order of the file, and of the overrides after it, [`Spans::value`] or [`Spans::key`] lies.
+    pub(crate) fn order(&self, path: &KeyPath, of_key: bool) -> (bool, usize) {
+        match self.nearest(path).origin {
+            Origin::Text { key, value } => (false, if of_key { key } else { value }),
+            Origin::Set(n) => (true, n),
+        }
+    }
+
     /// The same, but of the value's key.
     pub fn key(&self, path: &KeyPath) -> Place {
         self.place(self.nearest(path).origin, true)

@@ -1,11 +1,13 @@
 //! What the schema cannot say: keys that exclude each other, names, degenerate geometry, files that are missing.
 
-use std::path::Path;
+use std::collections::{BTreeSet, HashMap};
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use super::check::Finding;
+use super::check::{Finding, MAX_FINDINGS};
 use super::description::*;
+use super::document::MAX_PROBLEMS;
 use super::keypath::{KeyPath, clip};
 use super::schema::nearest;
 use super::spans::Spans;
@@ -61,11 +63,15 @@ fn axis(axis: Axis) -> DVec3 {
 
 impl Validator<'_> {
     fn error(&mut self, path: &KeyPath, message: String) {
-        self.found.errors.push(Finding::value(path.clone(), message));
+        if self.found.errors.len() < MAX_FINDINGS {
+            self.found.errors.push(Finding::value(path.clone(), message));
+        }
     }
 
     fn warn(&mut self, path: &KeyPath, message: String) {
-        self.found.warnings.push(Finding { path: path.clone(), about_key: true, message });
+        if self.found.warnings.len() < MAX_FINDINGS {
+            self.found.warnings.push(Finding { path: path.clone(), about_key: true, message });
+        }
     }
 
     /// Warns of keys of the table at `path` that were given but have no effect.
@@ -91,7 +97,7 @@ impl Validator<'_> {
         }
     }
 
-    fn file(&mut self, path: &KeyPath, file: &Option<std::path::PathBuf>) {
+    fn file(&mut self, path: &KeyPath, file: &Option<PathBuf>) {
         let Some(file) = file else { return };
         let whole = self.base_dir.join(file);
         match std::fs::metadata(&whole) {
@@ -170,7 +176,7 @@ impl Validator<'_> {
     }
 
     fn surfaces(&mut self) {
-        let mut names = std::collections::HashMap::new();
+        let mut names = HashMap::new();
         for (n, surface) in self.description.surface.iter().enumerate() {
             let path = KeyPath::root().key("surface").index(n);
             let forms = [
@@ -196,6 +202,7 @@ impl Validator<'_> {
     }
 
     fn hair(&mut self) {
+        let names: BTreeSet<&str> = self.description.surface.iter().filter_map(|s| s.name.as_deref()).collect();
         for (n, hair) in self.description.hair.iter().enumerate() {
             let path = KeyPath::root().key("hair").index(n);
             self.one_of(&path, &[("file", hair.file.is_some()), ("grow", hair.grow.is_some())], false);
@@ -203,19 +210,20 @@ impl Validator<'_> {
             self.transform(&path, &hair.transform);
             if let Some(grow) = &hair.grow {
                 self.no_effect(&path, &["format", "thickness_is"], "on hair that is grown, not read from a file");
-                self.grow(&path.key("grow"), grow);
+                self.grow(&path.key("grow"), grow, &names);
             }
         }
     }
 
-    fn grow(&mut self, path: &KeyPath, grow: &Grow) {
-        let names = || self.description.surface.iter().filter_map(|surface| surface.name.as_deref());
+    fn grow(&mut self, path: &KeyPath, grow: &Grow, names: &BTreeSet<&str>) {
         let key = path.key("on");
         if grow.on.is_empty() {
             self.error(&key, format!("{path} needs the key on: the name of the surface that the hair grows on"));
-        } else if !names().any(|name| name == grow.on) {
-            let known: Vec<String> = names().take(10).map(clip).collect();
-            let hint = match (nearest(&grow.on, names()), known.is_empty()) {
+        } else if !names.contains(grow.on.as_str()) {
+            let known: Vec<String> = names.iter().take(10).map(|name| clip(name)).collect();
+            // Not for findings that nobody sees: the search is long where there are many names.
+            let searched = if self.found.errors.len() < MAX_PROBLEMS { names.len() } else { 0 };
+            let hint = match (nearest(&grow.on, names.iter().copied().take(searched)), known.is_empty()) {
                 (Some(near), _) => format!("did you mean \"{}\"?", clip(near)),
                 (None, false) => format!("named surfaces: {}", known.join(", ")),
                 (None, true) => "no surface of this scene has a name; give one its name".to_owned(),

@@ -1,0 +1,118 @@
+//! The command line: one file a subcommand. Only this part of the program prints.
+
+mod check;
+mod completions;
+mod exit;
+mod grow;
+mod info;
+pub mod interrupt;
+mod log;
+mod man;
+pub mod progress;
+pub mod render;
+mod schema;
+pub mod values;
+
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand};
+
+pub use exit::Failure;
+
+use crate::scene::{Document, SceneError};
+
+/// Renders hair and fur in scenes with global illumination.
+#[derive(Parser)]
+#[command(name = "tress", version, about, after_long_help = exit::status_help(), propagate_version = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    #[command(flatten)]
+    verbosity: Verbosity,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Render(render::Arguments),
+    Check(check::Arguments),
+    Info(info::Arguments),
+    Grow(grow::Arguments),
+    Schema(schema::Arguments),
+    Man(man::Arguments),
+    Completions(completions::Arguments),
+}
+
+/// How much is said on standard error.
+#[derive(Args, Clone, Copy, Debug, Default)]
+pub struct Verbosity {
+    /// Print errors only: no warnings, no progress
+    #[arg(long, short, global = true, conflicts_with = "verbose", display_order = 900)]
+    pub quiet: bool,
+    /// Say more: once for what is done, twice for details, three times for everything
+    #[arg(long, short, global = true, action = clap::ArgAction::Count, display_order = 901)]
+    pub verbose: u8,
+}
+
+/// `--set`, for the subcommands that read a scene.
+#[derive(Args, Clone, Debug, Default)]
+struct Overrides {
+    #[arg(
+        long,
+        value_name = "KEY.PATH=VALUE",
+        value_parser = values::setting,
+        help = "Set a key of the scene, as in camera.fov=40 or hair[0].width=0.1"
+    )]
+    set: Vec<String>,
+}
+
+/// Runs the program with the process's arguments.
+pub fn main() -> ExitCode {
+    exit::guard(|| match Cli::try_parse() {
+        Ok(cli) => run(cli),
+        Err(e) => {
+            // Help and version come this way too. A closed pipe is no reason to complain.
+            let _ = e.print();
+            ExitCode::from(u8::try_from(e.exit_code()).unwrap_or(exit::USAGE))
+        }
+    })
+}
+
+fn run(cli: Cli) -> ExitCode {
+    let verbosity = cli.verbosity;
+    log::start(verbosity);
+    let result = match cli.command {
+        Command::Render(arguments) => render::run(arguments, verbosity),
+        Command::Check(arguments) => check::run(arguments, verbosity),
+        Command::Info(arguments) => info::run(arguments),
+        Command::Grow(arguments) => grow::run(arguments, verbosity),
+        Command::Schema(arguments) => schema::run(arguments),
+        Command::Man(arguments) => man::run(arguments),
+        Command::Completions(arguments) => completions::run(arguments),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            for line in failure.to_string().lines() {
+                log::say(&format!("error: {line}"));
+            }
+            ExitCode::from(failure.code())
+        }
+    }
+}
+
+/// Reads a scene and prints its warnings.
+fn load(scene: &std::path::Path, overrides: &[String], verbosity: Verbosity) -> Result<Document, Failure> {
+    let document = crate::scene::load(scene, overrides)?;
+    if !verbosity.quiet {
+        for warning in &document.warnings {
+            log::say(&format!("warning: {warning}"));
+        }
+    }
+    Ok(document)
+}
+
+impl From<SceneError> for Failure {
+    fn from(error: SceneError) -> Self {
+        Failure::Input(error.to_string())
+    }
+}

@@ -1,0 +1,224 @@
+//! The values of options: read strictly, with messages that show the right form.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use super::Failure;
+use crate::scene::keypath::clip;
+
+/// The most frames of one run.
+const MAX_FRAMES: u64 = 1_000_000;
+
+/// A picture's size in pixels: `640x480`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Resolution {
+    /// Columns, at least 1.
+    pub width: u32,
+    /// Rows, at least 1.
+    pub height: u32,
+}
+
+pub(crate) fn resolution(text: &str) -> Result<Resolution, String> {
+    let form = || format!("\"{}\" is not a size; write WIDTHxHEIGHT in pixels, as in 1920x1080", clip(text));
+    let (width, height) = text.split_once(['x', 'X']).ok_or_else(form)?;
+    let resolution = Resolution { width: whole(width).ok_or_else(form)?, height: whole(height).ok_or_else(form)? };
+    if resolution.width == 0 || resolution.height == 0 {
+        return Err("a picture needs at least 1 pixel each way".to_owned());
+    }
+    Ok(resolution)
+}
+
+/// The part of the picture that is rendered: columns `x0` to before `x1`, rows `y0` to before `y1`, from the top left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Crop {
+    /// First column.
+    pub x0: u32,
+    /// First row.
+    pub y0: u32,
+    /// The column after the last; greater than `x0`.
+    pub x1: u32,
+    /// The row after the last; greater than `y0`.
+    pub y1: u32,
+}
+
+pub(crate) fn crop(text: &str) -> Result<Crop, String> {
+    let form = || format!("\"{}\" is not a crop; write x0,y0,x1,y1 in pixels, as in 100,50,200,150", clip(text));
+    let mut numbers = text.split(',').map(|part| whole(part.trim()));
+    let mut next = || numbers.next().flatten().ok_or_else(form);
+    let crop = Crop { x0: next()?, y0: next()?, x1: next()?, y1: next()? };
+    if numbers.next().is_some() {
+        return Err(form());
+    }
+    if crop.x0 >= crop.x1 || crop.y0 >= crop.y1 {
+        return Err(format!("{crop} is empty: x1 must be greater than x0 and y1 greater than y0"));
+    }
+    Ok(crop)
+}
+
+impl fmt::Display for Crop {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{},{},{},{}", self.x0, self.y0, self.x1, self.y1)
+    }
+}
+
+/// Frame numbers in the order of rendering, each once.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Frames(Vec<u32>);
+
+impl Frames {
+    /// The numbers; at least one.
+    pub fn numbers(&self) -> &[u32] {
+        &self.0
+    }
+}
+
+impl Default for Frames {
+    /// Frame 1 alone.
+    fn default() -> Self {
+        Self(vec![1])
+    }
+}
+
+/// Reads `5`, `1-10`, `1-10x2` and lists of them with commas.
+pub(crate) fn frames(text: &str) -> Result<Frames, String> {
+    let mut runs = Vec::new();
+    let mut total = 0_u64;
+    for part in text.split(',') {
+        let (first, last, step) = run(part.trim())?;
+        total = total.saturating_add(u64::from((last - first) / step) + 1);
+        // Checked before a single number is stored.
+        if total > MAX_FRAMES {
+            return Err(format!("\"{}\" is {total} frames or more; at most {MAX_FRAMES} in one run", clip(text)));
+        }
+        runs.push((first, last, step));
+    }
+    let mut seen = std::collections::HashSet::new();
+    let numbers = runs.into_iter().flat_map(|(first, last, step)| (first..=last).step_by(step as usize));
+    Ok(Frames(numbers.filter(|&number| seen.insert(number)).collect()))
+}
+
+/// `FIRST`, `FIRST-LAST` or `FIRST-LASTxSTEP`.
+fn run(part: &str) -> Result<(u32, u32, u32), String> {
+    let form =
+        || format!("\"{}\" is no run of frames; write 5, 1-10, 1-10x2 (each second) or a list 1-10,20", clip(part));
+    let number = |text: &str| whole(text).ok_or_else(form);
+    let Some((first, rest)) = part.split_once('-') else {
+        return number(part).map(|frame| (frame, frame, 1));
+    };
+    let (last, step) = rest.split_once(['x', 'X']).unwrap_or((rest, "1"));
+    let (first, last, step) = (number(first)?, number(last)?, number(step)?);
+    if step == 0 {
+        return Err(format!("\"{}\" has step 0; the step must be at least 1", clip(part)));
+    }
+    if first > last {
+        return Err(format!("\"{}\" runs backwards; write {last}-{first}", clip(part)));
+    }
+    Ok((first, last, step))
+}
+
+/// Digits alone: no sign, no spaces, no more than fits.
+fn whole(text: &str) -> Option<u32> {
+    let digits = !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    digits.then(|| text.parse().ok()).flatten()
+}
+
+/// The argument of `--set`, checked for its form only.
+pub(crate) fn setting(text: &str) -> Result<String, String> {
+    crate::scene::overrides::check_form(text).map(|()| text.to_owned())
+}
+
+/// The path of one frame: the last run of `#` in the file's name becomes the number, padded with zeros to its length.
+pub fn frame_path(pattern: &Path, frame: u32) -> PathBuf {
+    let Some(name) = pattern.file_name().and_then(|name| name.to_str()) else { return pattern.to_owned() };
+    let Some(last) = name.rfind('#') else { return pattern.to_owned() };
+    let first =
+        name[..last].rfind(|c| c != '#').map_or(0, |at| at + name[at..].chars().next().map_or(1, char::len_utf8));
+    let width = last + 1 - first;
+    pattern.with_file_name(format!("{}{frame:0width$}{}", &name[..first], &name[last + 1..]))
+}
+
+/// An error unless the folder of an output file exists: better now than when the work is done.
+pub(crate) fn folder_exists(file: &Path) -> Result<(), Failure> {
+    if file.is_dir() {
+        return Err(Failure::Output(format!("{}: it is a folder; name a file in it", file.display())));
+    }
+    match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
+            let message = format!("{}: the folder {} does not exist; make it first", file.display(), folder.display());
+            Err(Failure::Output(message))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn resolutions() {
+        assert_eq!(resolution("640x480"), Ok(Resolution { width: 640, height: 480 }));
+        for text in ["", "x", "640", "640x", "-1x5", "1x2x3", "4294967296x1", "+6x6", " 6x6", "६x६"] {
+            assert!(resolution(text).unwrap_err().contains("WIDTHxHEIGHT"), "{text}");
+        }
+        assert!(resolution("0x5").unwrap_err().contains("at least 1"));
+    }
+
+    #[test]
+    fn crops() {
+        assert_eq!(crop("1,2,3, 4"), Ok(Crop { x0: 1, y0: 2, x1: 3, y1: 4 }));
+        for text in ["", "1,2,3", "1,2,3,4,5", "a,b,c,d", "1,2,3,-4", "1,2,3,4294967296"] {
+            assert!(crop(text).unwrap_err().contains("x0,y0,x1,y1"), "{text}");
+        }
+        assert!(crop("5,0,5,9").unwrap_err().contains("empty"));
+        assert!(crop("0,9,5,1").unwrap_err().contains("empty"));
+    }
+
+    #[test]
+    fn frame_runs() {
+        let numbers = |text: &str| frames(text).unwrap().numbers().to_vec();
+        assert_eq!(numbers("5"), [5]);
+        assert_eq!(numbers("1-10x3"), [1, 4, 7, 10]);
+        assert_eq!(numbers("8-10, 20,9"), [8, 9, 10, 20]);
+        assert_eq!(numbers("4294967290-4294967295x4"), [4_294_967_290, 4_294_967_294]);
+        assert_eq!(numbers("0-999999").len(), 1_000_000);
+        for (text, part) in [
+            ("", "no run of frames"),
+            ("1-", "no run of frames"),
+            ("-5", "no run of frames"),
+            ("1-2-3", "no run of frames"),
+            ("1-5x", "no run of frames"),
+            ("1,,2", "no run of frames"),
+            ("99999999999", "no run of frames"),
+            ("1-10x0", "step 0"),
+            ("10-1", "runs backwards; write 1-10"),
+            ("0-4294967295", "4294967296 frames or more; at most 1000000"),
+            ("1-600000,1-600000", "1200000 frames or more"),
+        ] {
+            let error = frames(text).unwrap_err();
+            assert!(error.contains(part), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn frame_paths() {
+        let path = |pattern: &str, frame| frame_path(Path::new(pattern), frame).to_str().unwrap().to_owned();
+        assert_eq!(path("out/a.####.exr", 7), "out/a.0007.exr");
+        assert_eq!(path("#.exr", 12345), "12345.exr");
+        assert_eq!(path("##a##.exr", 7), "##a07.exr");
+        assert_eq!(path("é##.exr", 7), "é07.exr");
+        assert_eq!(path("##/a.exr", 7), "##/a.exr");
+        assert_eq!(path("", 7), "");
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_is_read_or_refused(text in "[0-9x,\\-]{0,24}|.*") {
+            let _ = (resolution(&text), crop(&text), setting(&text), frame_path(Path::new(&text), 3));
+            if let Ok(frames) = frames(&text) {
+                prop_assert!(!frames.numbers().is_empty());
+            }
+        }
+    }
+}

@@ -1,0 +1,3 @@
+//! The renderer.
+
+pub mod progress;
