@@ -4,6 +4,7 @@ pub mod inspect;
 pub mod mesh;
 pub mod model;
 pub mod obj;
+mod polygon;
 pub mod primitives;
 mod screen;
 pub use mesh::{Material, Mesh};

@@ -1,6 +1,6 @@
 //! Wavefront OBJ files, with the diffuse colours of their MTL files.
 //!
-//! Polygons become triangle fans. Diffuse colours (`Kd`) are taken as linear Rec.709. Texture coordinates, lines,
+//! Polygons are cut into triangles, concave ones too. Diffuse colours (`Kd`) are taken as linear Rec.709. Texture coordinates, lines,
 //! points, curves and groups are ignored.
 
 use std::path::{Path, PathBuf};
@@ -78,10 +78,10 @@ fn load_bytes(bytes: &[u8], folder: &Path) -> Result<Loaded, Fault> {
     if screened.left_out > 0 {
         notes.push(format!("{} lines and points are left out", screened.left_out));
     }
-    if screened.polygons > 0 {
-        let count = screened.polygons;
+    if screened.rough > 0 {
+        let count = screened.rough;
         notes
-            .push(format!("{count} faces of more than four corners are cut into fans, which is right for convex ones"));
+            .push(format!("{count} faces cross themselves, have no area or thousands of corners: cut up as they come"));
     }
     note_missing(&screened.used, &materials, &mut notes);
     let mesh = assemble(models, materials, &mut notes);
@@ -295,16 +295,16 @@ mod tests {
     #[test]
     fn quads_materials_and_notes() {
         let obj = b"\xef\xbb\xbfmtllib my colours.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n# caf\xe9\n\
-            usemtl red\nf 1 2 3 4\nusemtl nowhere\nf 1 2 3\nf -4 -3 -2 -1 1\n";
+            usemtl red\nf 1 2 3 4\nusemtl nowhere\nf 1 2 3\nf 1 3 2 4\n";
         let loaded = load(&[("a.obj", obj), ("my colours.mtl", b"newmtl red\nKd 2 0 0\nKa 1\n")]).unwrap();
         let mesh = &loaded.mesh;
-        assert_eq!(mesh.triangles.len(), 6);
+        assert_eq!(mesh.triangles.len(), 5);
         let names: Vec<&str> = mesh.material.iter().map(|&m| &mesh.materials[m as usize].name[..]).collect();
-        assert_eq!(names, ["red", "red", "default", "default", "default", "default"]);
+        assert_eq!(names, ["red", "red", "default", "default", "default"]);
         assert_eq!(mesh.materials[0].diffuse, Vec3::X);
         assert_eq!(mesh.materials[1].diffuse, Vec3::splat(0.5));
         let notes = loaded.notes.join("\n");
-        for part in ["clamped", "`nowhere`", "1 faces of more than four"] {
+        for part in ["clamped", "`nowhere`", "1 faces cross themselves"] {
             assert!(notes.contains(part), "{part} in {notes}");
         }
     }

@@ -1,11 +1,15 @@
 //! OBJ and MTL text is screened before it is parsed.
 //!
 //! The parser behind it gives errors without a line, panics on some malformed lines (a colour of fewer than three
-//! numbers, an index near 2^63), splits vertices along the seams of texture coordinates, which nothing here uses, and
+//! numbers, an index near 2^63), cuts concave faces wrongly, splits vertices along the seams of texture coordinates, which nothing here uses, and
 //! opens whatever file an OBJ names. So the statements that matter are checked here, with their line numbers, and only
 //! they are passed on, in their plainest form; the rest is counted or ignored.
 
 use std::fmt::Write;
+
+use glam::{DVec3, Vec3};
+
+use super::polygon;
 
 /// Screened OBJ text, and what was met on the way.
 #[derive(Debug, Default)]
@@ -16,10 +20,10 @@ pub(super) struct Screened {
     pub libraries: Vec<String>,
     /// The material names in use, each once, in order of first use.
     pub used: Vec<String>,
-    /// Faces that are passed on.
+    /// Triangles that are passed on.
     pub faces: usize,
-    /// Faces of more than four corners.
-    pub polygons: usize,
+    /// Faces that cross themselves, have no area, or have too many corners to be cut with care.
+    pub rough: usize,
     /// Faces of one or two corners, lines and points, all left out.
     pub left_out: usize,
 }
@@ -38,11 +42,41 @@ struct Highest {
     line: usize,
 }
 
+/// Absolute indices of a corner's vertex and normal, from 1.
+type Corner = [Option<u64>; 2];
+
+impl Screened {
+    /// Passes a face on as triangles. One that comes before its vertices cannot be looked at and becomes a fan.
+    fn add_face(&mut self, face: &[Corner], positions: &[Vec3]) {
+        if face.len() < 3 {
+            self.left_out += 1;
+            return;
+        }
+        let position = |corner: &Corner| positions.get(corner[0]?.checked_sub(1)? as usize).map(|p| p.as_dvec3());
+        let corners: Option<Vec<DVec3>> = if face.len() > 3 { face.iter().map(position).collect() } else { None };
+        let cut = corners.map(|corners| polygon::cut(&corners));
+        self.rough += usize::from(cut.as_ref().is_some_and(|cut| !cut.clean));
+        let triangles = cut.map_or_else(|| (2..face.len()).map(|k| [0, k - 1, k]).collect(), |cut| cut.triangles);
+        for triangle in triangles {
+            self.text.push('f');
+            for [v, n] in triangle.map(|k| face[k]) {
+                // Writing to a string cannot fail. A corner always has a vertex.
+                let _ = match (v.unwrap_or(0), n) {
+                    (v, Some(n)) => write!(self.text, " {v}//{n}"),
+                    (v, None) => write!(self.text, " {v}"),
+                };
+            }
+            self.text.push('\n');
+            self.faces += 1;
+        }
+    }
+}
+
 /// Screens an OBJ file.
 pub(super) fn obj(text: &str) -> Result<Screened, BadLine> {
     let mut out = Screened { text: String::with_capacity(text.len() + 16), ..Screened::default() };
     out.text.push_str("mtllib materials\n");
-    let (mut vertices, mut normals) = (0u64, 0u64);
+    let (mut positions, mut normals, mut face) = (vec![], 0u64, vec![]);
     let mut highest = [Highest::default(), Highest::default()];
     for (line, content) in logical_lines(text) {
         let mut words = content.split_whitespace();
@@ -50,36 +84,25 @@ pub(super) fn obj(text: &str) -> Result<Screened, BadLine> {
         let rest = content.trim_start()[keyword.len()..].trim();
         match keyword {
             "v" => {
-                vertex(&mut out.text, rest).map_err(|what| BadLine { line, what })?;
-                vertices += 1;
+                positions.push(vertex(&mut out.text, rest).map_err(|what| BadLine { line, what })?);
             }
             "vn" => {
                 normal(&mut out.text, rest).map_err(|what| BadLine { line, what })?;
                 normals += 1;
             }
             "f" | "fo" => {
-                let corners = words.clone().count();
-                if corners < 3 {
-                    out.left_out += 1;
-                    continue;
-                }
-                out.text.push('f');
+                face.clear();
                 for word in words {
-                    let [v, n] = corner(word, vertices, normals).map_err(|what| BadLine { line, what })?;
-                    // Writing to a string cannot fail.
-                    let _ = match n {
-                        Some(n) => write!(out.text, " {}//{n}", v.unwrap_or(0)),
-                        None => write!(out.text, " {}", v.unwrap_or(0)),
-                    };
-                    for (high, index) in highest.iter_mut().zip([v, n]) {
-                        if index.is_some_and(|i| i > high.index) {
-                            *high = Highest { index: index.unwrap_or(0), line };
+                    let counts = [positions.len() as u64, normals];
+                    let indices = corner(word, counts).map_err(|what| BadLine { line, what })?;
+                    for (high, index) in highest.iter_mut().zip(indices) {
+                        if let Some(index) = index.filter(|i| *i > high.index) {
+                            *high = Highest { index, line };
                         }
                     }
+                    face.push(indices);
                 }
-                out.text.push('\n');
-                out.faces += 1;
-                out.polygons += usize::from(corners > 4);
+                out.add_face(&face, &positions);
             }
             "l" | "p" => out.left_out += 1,
             "usemtl" if !rest.is_empty() => {
@@ -93,7 +116,7 @@ pub(super) fn obj(text: &str) -> Result<Screened, BadLine> {
         }
     }
     // A face may come before its vertices, so what it names can only be checked at the end.
-    for (high, count, what) in [(&highest[0], vertices, "vertex"), (&highest[1], normals, "normal")] {
+    for (high, count, what) in [(&highest[0], positions.len() as u64, "vertex"), (&highest[1], normals, "normal")] {
         if high.index > count {
             let what = format!("the face uses {what} {}, but the file has only {count}", high.index);
             return Err(BadLine { line: high.line, what });
@@ -145,7 +168,7 @@ fn finite(word: &str) -> Option<f32> {
 }
 
 /// `v x y z`, `v x y z w`, or `v x y z r g b`, whose colour is left out.
-fn vertex(out: &mut String, rest: &str) -> Result<(), String> {
+fn vertex(out: &mut String, rest: &str) -> Result<Vec3, String> {
     let words: Vec<&str> = rest.split_whitespace().collect();
     let position: Option<Vec<f32>> = words.iter().take(3).map(|w| finite(w)).collect();
     let (Some(position), true) = (position, words.len() >= 3) else {
@@ -156,8 +179,9 @@ fn vertex(out: &mut String, rest: &str) -> Result<(), String> {
         _ => Some(1.0),
     };
     let Some(w) = w else { return Err(format!("`v {}`: the weight must be a number but zero", shorten(rest))) };
-    let _ = writeln!(out, "v {} {} {}", position[0] / w, position[1] / w, position[2] / w);
-    Ok(())
+    let position = Vec3::from_slice(&position) / w;
+    let _ = writeln!(out, "v {} {} {}", position.x, position.y, position.z);
+    Ok(position)
 }
 
 /// `vn x y z`; a normal of no direction is mended later.
@@ -172,7 +196,7 @@ fn normal(out: &mut String, rest: &str) -> Result<(), String> {
 }
 
 /// Absolute vertex and normal index of `v`, `v/t`, `v//n` or `v/t/n`; negative ones count back from the last so far.
-fn corner(word: &str, vertices: u64, normals: u64) -> Result<[Option<u64>; 2], String> {
+fn corner(word: &str, [vertices, normals]: [u64; 2]) -> Result<Corner, String> {
     let mut parts = word.split('/');
     let v = parts.next().unwrap_or_default();
     let texture = parts.next().unwrap_or_default();
@@ -232,7 +256,7 @@ mod tests {
         let text = "v 0 0 0\nv 1 0 0 2\nv 0 1 0 1 0 0\nvt 0 0\nvn 0 0 1\nf 1/1/1 2//-1 \\\n -1/1\nl 1 2\nf 1 2\n";
         let screened = obj(text).unwrap();
         assert_eq!(screened.text, "mtllib materials\nv 0 0 0\nv 0.5 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3\n");
-        assert_eq!((screened.faces, screened.left_out, screened.polygons), (1, 2, 0));
+        assert_eq!((screened.faces, screened.left_out, screened.rough), (1, 2, 0));
     }
 
     #[test]
