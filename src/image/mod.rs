@@ -14,6 +14,7 @@ mod error;
 mod format;
 mod library;
 mod pixels;
+mod prescan;
 pub mod read;
 mod verify;
 pub mod write;
