@@ -80,17 +80,9 @@ fn damaged_files_neither_crash_nor_hang() {
 #[test]
 fn bombs_are_refused_by_their_headers() {
     let Some(folder) = data("bad") else { return };
-    for (file, too_large) in [
-        ("hdr/bomb-40000.hdr", true),
-        ("exr/damaged/memory_DOS_2.2", true),
-        ("exr/damaged/clusterfuzz-testcase-minimized-openexr_scanlines_fuzzer-6481309109846016", false),
-    ] {
+    for file in ["hdr/bomb-40000.hdr", "exr/damaged/memory_DOS_2.2"] {
         let error = read(&folder.join(file), &Limits::default()).unwrap_err();
-        match error {
-            Error::TooLarge { .. } => assert!(too_large, "{error}"),
-            Error::Implausible { .. } => assert!(!too_large, "{error}"),
-            other => panic!("{other}"),
-        }
+        assert!(matches!(error, Error::TooLarge { .. }), "{error}");
     }
     // Without our limit on memory the claim still exceeds what the file can hold.
     let error = read(&folder.join("hdr/bomb-40000.hdr"), &Limits { max_bytes: u64::MAX }).unwrap_err();

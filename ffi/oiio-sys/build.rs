@@ -10,7 +10,8 @@ fn main() {
         println!("cargo:rerun-if-changed={file}");
     }
     // Cargo's link lines are held back until the shim is compiled: a static library must precede what it needs.
-    let library = match pkg_config::Config::new().atleast_version(OLDEST).cargo_metadata(false).probe("OpenImageIO") {
+    let mut config = pkg_config::Config::new();
+    let library = match config.atleast_version(OLDEST).cargo_metadata(false).env_metadata(false).probe("OpenImageIO") {
         Ok(library) => library,
         Err(error) => stop(&reason(&error)),
     };
@@ -29,6 +30,9 @@ fn main() {
     }
     for name in &library.libs {
         println!("cargo:rustc-link-lib=dylib={name}");
+    }
+    for variable in ["PKG_CONFIG", "PKG_CONFIG_PATH", "PKG_CONFIG_LIBDIR", "PKG_CONFIG_SYSROOT_DIR"] {
+        println!("cargo:rerun-if-env-changed={variable}");
     }
     println!("cargo:version={}", library.version);
 }

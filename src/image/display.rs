@@ -26,9 +26,9 @@ pub fn srgb_to_linear(encoded: f32) -> f32 {
 pub fn to_srgb8(rgb: [f32; 3], exposure: f32) -> [u8; 3] {
     let scale = f64::from(exposure).exp2();
     rgb.map(|value| {
-        // In f64 no exposure below 896 stops makes infinity of the scale; `max` first, for it turns NaN into 0.
-        let scaled = (f64::from(value) * scale).max(0.0).min(1.0);
-        let encoded = linear_to_srgb(scaled as f32);
+        // In f64 no exposure below 896 stops overflows; `max` turns NaN into 0.
+        let scaled = (f64::from(value) * scale).max(0.0);
+        let encoded = linear_to_srgb(scaled.min(1.0) as f32);
         (encoded * 255.0).round() as u8
     })
 }

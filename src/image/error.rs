@@ -16,8 +16,8 @@ pub enum Error {
     /// The file's first bytes belong to none of the formats.
     #[error("{}: not an image in a format Tress reads (EXR, Radiance HDR, PNG, JPEG, TIFF)", path.display())]
     UnknownFormat { path: PathBuf },
-    /// OpenImageIO's own message.
-    #[error("{}: cannot {action}: {message} (OpenImageIO)", path.display())]
+    /// OpenImageIO's own message, or what it would say had it looked before it allocated.
+    #[error("{}: cannot {action}: {message}", path.display())]
     Library { path: PathBuf, action: &'static str, message: String },
     /// More memory than [`super::Limits`] allow.
     #[error("{}: {what} of {bytes} bytes, more than the limit of {limit}; make it smaller or raise the limit", path.display())]

@@ -2,21 +2,22 @@
 //!
 //! - [`read`] and [`info`]: EXR, Radiance HDR, PNG, JPEG and TIFF into `f32`, with limits on what a file may make us
 //!   allocate;
-//! - [`write`]: one call that either leaves a complete, verified file in place or leaves what was there before;
+//! - [`write_atomic`]: one call that either leaves a complete, verified file in place or leaves what was there before;
 //! - [`display`]: linear colour to sRGB bytes, for looking at.
 //!
 //! Channels are found by name, never by position: OpenImageIO hands them over in an order of its own.
 //!
-//! `unsafe` is confined to [`library`], the wrapper of the C interface.
+//! `unsafe` is confined to `library.rs`, the wrapper of the C interface.
 
 pub mod display;
 mod error;
 mod format;
 mod library;
 mod pixels;
-pub mod read;
+mod prescan;
+mod read;
 mod verify;
-pub mod write;
+mod write;
 
 pub use error::Error;
 pub use pixels::{Encoding, Image, RgbImage};

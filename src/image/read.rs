@@ -2,7 +2,7 @@
 
 use super::library::{Header, Input};
 use super::pixels::{Encoding, Image};
-use super::{Error, MetaValue, PixelFormat};
+use super::{Error, MetaValue, PixelFormat, prescan};
 use std::ffi::CStr;
 use std::fs::{self, File};
 use std::io::Read;
@@ -142,6 +142,7 @@ pub(super) fn for_each_band<E>(
 pub(super) fn open(path: &Path) -> Result<(Input, Info), Error> {
     let file_bytes = file_size(path)?;
     let format = sniff(path)?.ok_or_else(|| Error::UnknownFormat { path: path.to_owned() })?;
+    prescan::check(format, path, file_bytes).map_err(Error::library(path, path, "open the image"))?;
     let mut input = Input::open(format, path).map_err(Error::library(path, path, "open the image"))?;
     let header = input.header;
     let nonsense = || Error::Library {

@@ -1,0 +1,150 @@
+//! A look at a file's blocks before the libraries': they allocate whatever size a block claims, up to 2 GiB, and find the
+//! end of the file afterwards.
+//!
+//! - EXR (OpenEXR File Layout, version 2): magic, version and flags, then for each part attributes of name, type, size and
+//!   value, closed by an empty name; in a multi-part file one more empty name closes the list of parts.
+//! - PNG (ISO/IEC 15948, 5.3): after eight bytes of signature chunks of length, type, data and checksum, up to `IEND`.
+
+use std::ffi::CStr;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read, Seek};
+use std::path::Path;
+
+/// Set in the version field of a file with several parts.
+const MULTI_PART: u32 = 0x1000;
+/// Names and types have 31 characters, or 255 in files that say so.
+const LONGEST_NAME: u64 = 255;
+
+/// Checks that every EXR attribute, or every PNG chunk, lies inside the file of `file_bytes` bytes. An error says which
+/// does not. Other formats pass.
+pub(super) fn check(format: &CStr, path: &Path, file_bytes: u64) -> Result<(), String> {
+    let walk = match format.to_bytes() {
+        b"openexr" => check_attributes,
+        b"png" => check_chunks,
+        _ => return Ok(()),
+    };
+    let file = File::open(path).map_err(|error| error.to_string())?;
+    walk(&mut BufReader::new(file), file_bytes).unwrap_or_else(|error| match error.kind() {
+        io::ErrorKind::UnexpectedEof => Err("the file is cut short".to_owned()),
+        _ => Err(error.to_string()),
+    })
+}
+
+fn check_attributes<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Result<Result<(), String>> {
+    let mut start = [0; 8];
+    input.read_exact(&mut start)?;
+    let multi_part = u32::from_le_bytes([start[4], start[5], start[6], start[7]]) & MULTI_PART != 0;
+    let mut position = start.len() as u64;
+    let mut part_is_empty = true;
+    loop {
+        let name = read_name(input, &mut position)?;
+        if name.is_empty() {
+            if !multi_part || part_is_empty {
+                return Ok(Ok(()));
+            }
+            part_is_empty = true;
+            continue;
+        }
+        part_is_empty = false;
+        read_name(input, &mut position)?;
+        let mut size = [0; 4];
+        input.read_exact(&mut size)?;
+        position += 4;
+        let (size, left) = (i64::from(i32::from_le_bytes(size)), file_bytes.saturating_sub(position));
+        let Some(bytes) = u64::try_from(size).ok().filter(|&bytes| bytes <= left) else {
+            let name = String::from_utf8_lossy(&name).into_owned();
+            return Ok(Err(format!("the attribute {name:?} claims {size} bytes where the file has {left} left")));
+        };
+        input.seek_relative(size)?;
+        position += bytes;
+    }
+}
+
+fn check_chunks<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Result<Result<(), String>> {
+    let mut position = 8;
+    input.seek_relative(8)?;
+    loop {
+        let mut start = [0; 8];
+        input.read_exact(&mut start)?;
+        let [a, b, c, d, name @ ..] = start;
+        let bytes = u32::from_be_bytes([a, b, c, d]);
+        position += 8;
+        let left = file_bytes.saturating_sub(position + 4);
+        if u64::from(bytes) > left {
+            let name = String::from_utf8_lossy(&name).into_owned();
+            return Ok(Err(format!("the chunk {name:?} claims {bytes} bytes where the file has {left} left")));
+        }
+        if &name == b"IEND" {
+            return Ok(Ok(()));
+        }
+        input.seek_relative(i64::from(bytes) + 4)?;
+        position += u64::from(bytes) + 4;
+    }
+}
+
+/// Bytes up to a zero, which is read but not returned.
+fn read_name(input: &mut impl BufRead, position: &mut u64) -> io::Result<Vec<u8>> {
+    let mut name = Vec::new();
+    *position += input.take(LONGEST_NAME + 1).read_until(0, &mut name)? as u64;
+    // Without its zero the name is too long, or the file has ended.
+    if name.pop() == Some(0) { Ok(name) } else { Err(io::ErrorKind::UnexpectedEof.into()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Cursor;
+
+    fn attribute(name: &str, size: i32, value: &[u8]) -> Vec<u8> {
+        [name.as_bytes(), b"\0string\0", &size.to_le_bytes(), value].concat()
+    }
+
+    fn result(flags: u32, parts: &[Vec<u8>]) -> Result<(), String> {
+        let bytes = [&b"\x76\x2f\x31\x01"[..], &(2 | flags).to_le_bytes(), &parts.concat()].concat();
+        check_attributes(&mut Cursor::new(&bytes), bytes.len() as u64).unwrap_or_else(|error| Err(error.to_string()))
+    }
+
+    #[test]
+    fn attributes_must_lie_inside_the_file() {
+        let good = attribute("owner", 3, b"abc");
+        let end = b"\0".to_vec();
+        assert_eq!(result(0, &[good.clone(), good.clone(), end.clone()]), Ok(()));
+        assert!(result(0, std::slice::from_ref(&good)).is_err());
+        for (size, part) in [(4, "claims 4 bytes where the file has 3 left"), (-1, "-1"), (i32::MAX, "2147483647")] {
+            let text = result(0, &[good.clone(), attribute("note", size, b"abc")]).unwrap_err();
+            assert!(text.contains("note") && text.contains(part), "{text}");
+        }
+        assert!(result(0, &[vec![b'x'; 300], end]).is_err());
+    }
+
+    #[test]
+    fn every_part_is_checked() {
+        let good = attribute("owner", 3, b"abc");
+        let bad = attribute("note", 100, b"abc");
+        let end = b"\0".to_vec();
+        assert_eq!(result(MULTI_PART, &[good.clone(), end.clone(), good.clone(), end.clone(), end.clone()]), Ok(()));
+        assert!(result(MULTI_PART, &[good.clone(), end.clone(), bad.clone()]).is_err());
+        // What follows the header of a file with one part is not a header.
+        assert_eq!(result(0, &[good, end, bad]), Ok(()));
+    }
+
+    #[test]
+    fn chunks_must_lie_inside_the_file() {
+        let chunk = |name: &str, size: u32, bytes: usize| {
+            [&size.to_be_bytes()[..], name.as_bytes(), &vec![7; bytes + 4]].concat()
+        };
+        let result = |chunks: &[Vec<u8>]| {
+            let bytes = [&b"\x89PNG\r\n\x1a\n"[..], &chunks.concat()].concat();
+            check_chunks(&mut Cursor::new(&bytes), bytes.len() as u64).unwrap_or_else(|error| Err(error.to_string()))
+        };
+        let (good, end) = (chunk("IDAT", 100, 100), chunk("IEND", 0, 0));
+        assert_eq!(result(&[good.clone(), good.clone(), end.clone()]), Ok(()));
+        assert_eq!(result(&[good.clone(), end.clone(), vec![0xff; 20]]), Ok(()));
+        assert!(result(&[good.clone(), good.clone()]).is_err());
+        let text = result(&[good.clone(), chunk("tEXt", 0x7fff_ffff, 100), end]).unwrap_err();
+        assert!(
+            text.contains("tEXt") && text.contains("claims 2147483647 bytes where the file has 112 left"),
+            "{text}"
+        );
+    }
+}
