@@ -546,6 +546,8 @@ pub struct Output {
     pub pixel_type: PixelType,
     /// Compression of an OpenEXR file.
     pub compression: Compression,
+    /// Leaves the render time out of the metadata, so that equal pictures make equal files.
+    pub reproducible: bool,
     /// Exposure of PNG, JPEG and 8-bit TIFF files, in stops. OpenEXR files are never exposed.
     #[schemars(range(min = -50.0, max = 50.0))]
     pub exposure: f64,
@@ -558,6 +560,7 @@ impl Default for Output {
             layers: vec![Layer::Beauty, Layer::Alpha],
             pixel_type: PixelType::Half,
             compression: Compression::Zip,
+            reproducible: false,
             exposure: 0.0,
         }
     }

@@ -71,10 +71,10 @@ impl Scene {
             loader.add_hair(index, &strands, &mut hair, &mut hair_objects);
         }
         let mut surfaces = SurfaceModel::default();
-        for (description, mesh) in document.description.surface.iter().zip(&meshes) {
+        for (description, loaded) in document.description.surface.iter().zip(&meshes) {
             if description.visible {
-                let mut mesh = mesh.mesh.clone();
-                transform::transform_mesh(&(space.from_scene() * meshes_map(description)), &mut mesh);
+                let mut mesh = loaded.mesh.clone();
+                transform::transform_mesh(&(space.from_scene() * loaded.map), &mut mesh);
                 surfaces.add(&mesh, description.smooth);
             }
         }
@@ -98,11 +98,6 @@ impl Scene {
 struct LoadedMesh {
     mesh: Mesh,
     map: DAffine3,
-}
-
-fn meshes_map(surface: &description::Surface) -> DAffine3 {
-    // Checked when the mesh was loaded.
-    transform::affine(&surface.transform).unwrap_or(DAffine3::IDENTITY)
 }
 
 struct Loader<'a> {
@@ -257,19 +252,14 @@ impl Loader<'_> {
         grow::grow(settings, &mesh, up, color).map_err(|e| self.error(&key, e))
     }
 
-    fn add_hair(
-        &mut self,
-        index: usize,
-        strands: &Strands,
-        model: &mut HairModel,
-        objects: &mut Vec<HairObject>,
-    ) {
+    fn add_hair(&mut self, index: usize, strands: &Strands, model: &mut HairModel, objects: &mut Vec<HairObject>) {
         let description = &self.description().hair[index];
         let name = description.name.clone().unwrap_or_else(|| {
-            description.file.as_deref().and_then(Path::file_name).map_or_else(
-                || format!("hair[{index}]"),
-                |file| file.to_string_lossy().into_owned(),
-            )
+            description
+                .file
+                .as_deref()
+                .and_then(Path::file_name)
+                .map_or_else(|| format!("hair[{index}]"), |file| file.to_string_lossy().into_owned())
         });
         let degenerate = model.add(strands, objects.len() as u16);
         objects.push(HairObject {
