@@ -35,7 +35,7 @@ fn channels(layers: &[Layer]) -> Vec<Channel> {
     let mut layers = layers.to_vec();
     layers.sort_unstable();
     layers.dedup();
-    let one = |name: &str, float, get| (name.to_owned(), float, get);
+    let one = |name: &str, float, get: fn(&Pixel) -> f32| (name.to_owned(), float, get);
     let mut channels: Vec<Channel> = Vec::new();
     for layer in layers {
         let rgb: [fn(&Pixel) -> f32; 3] = match layer {
@@ -115,8 +115,7 @@ fn write_display(
     spec.metadata = metadata;
     let mut values = Vec::with_capacity(film.pixels.len() * names.len());
     for pixel in &film.pixels {
-        let color =
-            if with_alpha && pixel.alpha > 0.0 { pixel.beauty / pixel.alpha } else { pixel.beauty };
+        let color = if with_alpha && pixel.alpha > 0.0 { pixel.beauty / pixel.alpha } else { pixel.beauty };
         values.extend(display::to_srgb8(color.to_array(), exposure).map(|byte| f32::from(byte) / 255.0));
         if with_alpha {
             values.push(pixel.alpha);
