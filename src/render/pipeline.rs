@@ -12,8 +12,9 @@ use super::statistics::Statistics;
 use super::tile::{Frame, TileSpace};
 use crate::effects::Effects;
 use crate::embree;
-use crate::fragment::{BinError, PixelRect, TileGrid, assign};
+use crate::fragment::{BinError, PixelRect, Rank, TileGrid, assign};
 use crate::scene::Scene;
+use crate::scene::description::LayerChoice;
 
 /// Pixels along a tile's side.
 const TILE: u32 = 16;
@@ -80,6 +81,10 @@ fn render_here(
         lighting: &lighting,
         rule: transmittance_rule(scene),
         layers: sampling.layers as usize,
+        rank: match sampling.layer_choice {
+            LayerChoice::Seen => Rank::Seen,
+            LayerChoice::Gamma => Rank::Gamma,
+        },
         per_side: f64::from(sampling.surface_samples).sqrt().ceil() as u32,
         seed: sampling.seed,
         background: scene.description().camera.background,

@@ -10,7 +10,7 @@ use super::progress::Progress;
 use super::statistics::NonFinite;
 use crate::camera::Camera;
 use crate::fragment::{
-    HairFragment, HairSegment, MIN_WEIGHT, PixelLayers, PixelRect, Shaded, SurfaceHit, SurfacePixel, scan_convert,
+    HairFragment, HairSegment, MIN_WEIGHT, PixelLayers, PixelRect, Rank, Shaded, SurfaceHit, SurfacePixel, scan_convert,
 };
 use crate::hair::StrandSample;
 use crate::hash::hash;
@@ -29,6 +29,7 @@ pub(super) struct Frame<'a> {
     pub rule: Transmittance,
     /// Layers a pixel that are shaded.
     pub layers: usize,
+    pub rank: Rank,
     /// Surface samples along a pixel's side.
     pub per_side: u32,
     pub seed: u32,
@@ -156,7 +157,7 @@ impl Frame<'_> {
         }
         let transparency = |fragment: &HairFragment| self.transparency(fragment);
         layers.composite(hair, transparency, &surfaces.samples, surfaces.groups.len());
-        layers.select(self.layers, MIN_WEIGHT, shaded);
+        layers.select(self.layers, self.rank, MIN_WEIGHT, shaded);
         for chosen in shaded.iter() {
             let fragment = &hair[chosen.fragment as usize];
             let sample = self.scene.hair.sample(fragment.segment as usize, fragment.u);
