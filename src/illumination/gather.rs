@@ -97,13 +97,7 @@ impl Illumination {
     }
 
     /// Irradiance from the environment by one ray distributed as the cosine.
-    fn sky_sample(
-        &self,
-        point: &SurfacePoint,
-        origin: Vec3,
-        key: u32,
-        hair: &impl Fn(Vec3, Vec3, f32) -> f32,
-    ) -> Vec3 {
+    fn sky_sample(&self, point: &SurfacePoint, origin: Vec3, key: u32, hair: &impl Fn(Vec3, Vec3, f32) -> f32) -> Vec3 {
         let [u, v] = [0, 1].map(|axis| to_unit(hash(&[SKY, key, axis])));
         let (sin, cos) = (2.0 * PI * u).sin_cos();
         let radius = v.sqrt();
