@@ -29,7 +29,12 @@ fn check_accepts_a_sound_scene() {
     let folder = folder(SOUND);
     let (code, out, err) = run(folder.path(), &["check", "scene.toml"]);
     assert_eq!((code, err.as_str()), (0, ""));
-    assert_eq!(out, "scene.toml: sound: 0 hair objects, 1 surface, 0 lights; 0 warnings\n");
+    assert!(out.starts_with("scene.toml: sound, 0 warnings\n"), "{out}");
+    for line in
+        ["  picture      512x512 pixels", "  hair         0 objects", "  environment  radiance 1 1 1 everywhere"]
+    {
+        assert!(out.lines().any(|found| found.starts_with(line)), "{line} in {out}");
+    }
     assert_eq!(run(folder.path(), &["check", "-q", "scene.toml"]), (0, String::new(), String::new()));
 }
 
@@ -55,9 +60,117 @@ fn warnings_are_printed_unless_quiet() {
     let folder = folder("");
     let (code, out, err) = run(folder.path(), &["check", "scene.toml"]);
     assert_eq!(code, 0);
-    assert!(out.ends_with("2 warnings\n"), "{out}");
+    assert!(out.starts_with("scene.toml: sound, 2 warnings\n"), "{out}");
     assert!(err.lines().all(|line| line.starts_with("warning: scene.toml:1:1: the scene has n")), "{err}");
     assert_eq!(run(folder.path(), &["--quiet", "check", "scene.toml"]), (0, String::new(), String::new()));
+}
+
+#[test]
+fn check_looks_into_the_files_of_a_scene() {
+    let folder = folder("environment.color = [1, 1, 1]\n[[surface]]\nfile = 'a.obj'\n[[hair]]\nfile = 'a.txt'\n");
+    fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\nl 1 2\n").unwrap();
+    fs::write(folder.path().join("a.txt"), "0 0 0 0.1\n0 1 0 0.1\n0 2 0 0.1\n").unwrap();
+    let (code, out, err) = run(folder.path(), &["check", "scene.toml"]);
+    assert_eq!(code, 0, "{err}");
+    assert!(out.contains("1 object: 1 strand, 2 segments\n") && out.contains("1 object: 2 triangles\n"), "{out}");
+    assert!(err.contains("note: ./a.obj: 1 lines and points are left out"), "{err}");
+    // The place is that of the key which names the file.
+    fs::write(folder.path().join("a.txt"), "0 0 0 0.1\n0 1 0 x\n").unwrap();
+    let (code, _, err) = run(folder.path(), &["check", "scene.toml"]);
+    assert_eq!(code, 3);
+    assert!(err.starts_with("error: scene.toml:5:8: hair[0].file: ") && err.contains("a.txt: line 2"), "{err}");
+}
+
+const FUR: &str = "environment.color = [1, 1, 1]
+[[surface]]
+name = 'ball'
+sphere = { center = [100, 0, 0], radius = 2 }
+[[hair]]
+name = 'fur'
+grow = { on = 'ball', count = 50, segments = 4, length = 1, length_variation = 0, lean = 0, gravity = 0 }
+transform.translate = [0, 10, 0]
+[[hair]]
+grow = { on = 'ball', count = 7, segments = 2, width_root = 0.5, width_tip = 0.25 }
+";
+
+#[test]
+fn grown_hair_is_written_in_the_space_of_the_scene() {
+    let folder = folder(FUR);
+    let (code, out, err) = run(folder.path(), &["grow", "scene.toml", "-o", "out.hair"]);
+    assert_eq!(code, 0, "{err}");
+    assert_eq!(out, "out.hair: 57 strands, 214 segments\n  fur: 50 strands\n  hair[1]: 7 strands\n");
+    let path = folder.path().join("out.hair");
+    let strands = tress::hair::formats::read(&path, Default::default(), &Default::default()).unwrap().strands;
+    assert_eq!((strands.strand_count(), strands.segment_count()), (57, 214));
+    for strand in 0..50 {
+        // Straight out of the ball of radius 2, moved up by 10.
+        let center = glam::Vec3::new(100.0, 10.0, 0.0);
+        let [root, tip] = [strands.strand(strand)[0], strands.strand(strand)[4]];
+        assert!(
+            (root.distance(center) - 2.0).abs() < 0.01 && (tip.distance(center) - 3.0).abs() < 0.02,
+            "{root} {tip}"
+        );
+    }
+    assert_eq!(strands.width.at(56, strands.point_count() - 1), 0.25);
+    // Written over itself, and nothing else is left.
+    assert_eq!(run(folder.path(), &["grow", "-q", "scene.toml", "-o", "out.hair"]), (0, String::new(), String::new()));
+    let mut names: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["out.hair", "scene.toml"]);
+}
+
+#[test]
+fn hair_that_cannot_be_written_is_exit_code_4() {
+    let folder = folder(FUR);
+    std::os::unix::fs::symlink("/dev/null", folder.path().join("null.hair")).unwrap();
+    fs::create_dir(folder.path().join("folder.hair")).unwrap();
+    for (file, code, part) in [
+        ("out.txt", 2, "end in .hair"),
+        ("no/out.hair", 4, "folder no does not exist"),
+        ("folder.hair", 4, "folder"),
+        ("null.hair", 4, "no regular file"),
+    ] {
+        let (found, _, err) = run(folder.path(), &["grow", "scene.toml", "-o", file]);
+        assert_eq!(found, code, "{file}: {err}");
+        assert!(err.contains(file) && err.contains(part), "{err}");
+    }
+    let (code, _, err) =
+        run(folder.path(), &["grow", "scene.toml", "-o", "a.hair", "--set", "hair[0].grow.slope=[2,3]"]);
+    assert_eq!(code, 3, "{err}");
+}
+
+#[test]
+fn info_tells_what_is_in_each_kind_of_file() {
+    let folder = folder(FUR);
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    write("a.txt", "0 0 0 0.1\n0 1 0 0.1\n0 1 0 0.1\n");
+    write("mesh", "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\nf 1 1 2\n");
+    write("bad.hair", "HAIR?");
+    let image = tress::image::ImageSpec::new(2, 1, vec![("Y".to_owned(), tress::image::PixelFormat::Float)]);
+    tress::image::write_atomic(&folder.path().join("a.exr"), &image, &[-1.5, f32::NAN]).unwrap();
+    let files = ["a.txt", "bad.hair", "mesh", "a.exr", "none.obj", "scene.toml"];
+    let (code, out, err) = run(folder.path(), &[&["info"], &files[..]].concat());
+    assert_eq!(code, 3);
+    let errors: Vec<&str> = err.lines().collect();
+    assert!(errors.len() == 2 && errors[0].contains("bad.hair") && errors[1].contains("none.obj"), "{err}");
+    for part in [
+        "a.txt: hair (text)\n  strands       1\n  segments      2\n",
+        "  bounds        0 0 0 .. 0 1 0\n",
+        "  suspicious    1 segments have no length\n",
+        "mesh: mesh\n  triangles     2\n",
+        "  suspicious    1 triangles have no area\n",
+        "a.exr: image (openexr)\n  size          2x1 pixels\n",
+        "  Y             -1.5 to -1.5, mean -1.5, 1 NaN, 1 negative (float)\n",
+        "  suspicious    1 values are not numbers (NaN)\n",
+        "scene.toml: scene\n  picture       512x512 pixels\n  hair          2 objects\n",
+    ] {
+        assert!(out.contains(part), "{part} in {out}");
+    }
+    let (code, out, _) = run(folder.path(), &["info", "--json", "a.txt", "a.exr"]);
+    assert_eq!(code, 0);
+    let json: serde_json::Value = serde_json::from_str(&out).unwrap();
+    assert_eq!((&json[0]["kind"], &json[0]["facts"]["segments"]), (&"hair".into(), &2.into()));
+    assert_eq!((&json[1]["kind"], &json[1]["facts"]["channels"][0]["nan"]), (&"image".into(), &1.into()));
 }
 
 #[test]

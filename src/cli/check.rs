@@ -1,10 +1,12 @@
-//! `tress check`: finds the faults of a scene without rendering it.
+//! `tress check`: finds the faults of a scene and of the files that it names, without rendering it.
 
 use std::path::PathBuf;
 
-use super::{Failure, Overrides, Verbosity, exit, load};
+use super::{Failure, Overrides, Verbosity, exit, load, log};
+use crate::illumination::Radiance;
+use crate::scene::{AssetError, Scene};
 
-/// Check a scene and list every fault with its line; render nothing
+/// Check a scene and all files it names, and list every fault with its line; render nothing
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     /// The scene file (.toml or .json)
@@ -15,23 +17,61 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     let document = load(&arguments.scene, &arguments.overrides.set, verbosity)?;
+    let scene = Scene::load(document)?;
     if verbosity.quiet {
         return Ok(());
     }
-    let scene = &document.description;
-    let lights = scene.light.point.len() + scene.light.directional.len() + scene.light.rect.len();
-    let line = format!(
-        "{}: sound: {}, {}, {}; {}\n",
-        document.path.display(),
-        count(scene.hair.len(), "hair object"),
-        count(scene.surface.len(), "surface"),
-        count(lights, "light"),
-        count(document.warnings.len(), "warning"),
-    );
-    exit::print(line.as_bytes())
+    notes(&scene.notes);
+    exit::print(summary(&scene).as_bytes())
+}
+
+/// Prints what loading found worth telling.
+pub(super) fn notes(notes: &[String]) {
+    notes.iter().for_each(|note| log::say(&format!("note: {note}")));
+}
+
+impl From<AssetError> for Failure {
+    fn from(error: AssetError) -> Self {
+        Failure::Input(error.to_string())
+    }
+}
+
+fn summary(scene: &Scene) -> String {
+    let document = &scene.document;
+    let lights = scene.direct.len() + scene.area.len();
+    // Area lights are drawn as two triangles each.
+    let triangles = scene.surfaces.triangles() - 2 * scene.area.len();
+    let [width, height] = document.description.camera.resolution;
+    [
+        format!("{}: sound, {}", document.path.display(), count(document.warnings.len(), "warning")),
+        format!("  picture      {width}x{height} pixels"),
+        format!(
+            "  hair         {}: {}, {}",
+            count(scene.hair_objects.len(), "object"),
+            count(scene.hair.object.len(), "strand"),
+            count(scene.hair.segments(), "segment")
+        ),
+        format!(
+            "  surfaces     {}: {}",
+            count(document.description.surface.len(), "object"),
+            count(triangles, "triangle")
+        ),
+        format!("  environment  {}", environment(&scene.radiance)),
+        format!("  lights       {lights}\n"),
+    ]
+    .join("\n")
+}
+
+fn environment(radiance: &Radiance) -> String {
+    match radiance {
+        Radiance::Uniform(color) if color.max_element() <= 0.0 => "black".to_owned(),
+        Radiance::Uniform(color) => format!("radiance {} {} {} everywhere", color.x, color.y, color.z),
+        Radiance::Gradient { .. } => "gradient sky".to_owned(),
+        Radiance::Map { width, height, .. } => format!("map of {width}x{height} pixels"),
+    }
 }
 
 /// "1 light", "2 lights".
-fn count(n: usize, thing: &str) -> String {
+pub(super) fn count(n: usize, thing: &str) -> String {
     format!("{n} {thing}{}", if n == 1 { "" } else { "s" })
 }

@@ -1,5 +1,6 @@
 //! What goes to standard error: log lines and messages, above the progress bar where there is one.
 
+use std::borrow::Cow;
 use std::io::{self, Write};
 use std::sync::OnceLock;
 
@@ -15,10 +16,21 @@ pub(crate) fn bars() -> &'static MultiProgress {
     BARS.get_or_init(MultiProgress::new)
 }
 
-/// Writes one line to standard error. Where that is closed there is nobody to tell.
+/// Text with control characters written out: what comes from files shall not steer the terminal.
+pub(crate) fn printable(text: &str) -> Cow<'_, str> {
+    if !text.contains(char::is_control) {
+        return Cow::Borrowed(text);
+    }
+    let escape = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    Cow::Owned(text.chars().map(escape).collect())
+}
+
+/// Writes a line, or several, to standard error. Where that is closed there is nobody to tell.
 pub(crate) fn say(line: &str) {
     bars().suspend(|| {
-        let _ = writeln!(io::stderr(), "{line}");
+        for line in line.split('\n') {
+            let _ = writeln!(io::stderr(), "{}", printable(line));
+        }
     });
 }
 

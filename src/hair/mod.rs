@@ -3,6 +3,7 @@
 pub mod formats;
 pub mod grow;
 pub mod inspect;
+pub mod join;
 pub mod model;
 pub mod strands;
 

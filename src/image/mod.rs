@@ -2,6 +2,7 @@
 //!
 //! - [`read`] and [`info`]: EXR, Radiance HDR, PNG, JPEG and TIFF into `f32`, with limits on what a file may make us
 //!   allocate;
+//! - [`measure`](fn@measure): the range of each channel, without holding the image;
 //! - [`write_atomic`]: one call that either leaves a complete, verified file in place or leaves what was there before;
 //! - [`display`]: linear colour to sRGB bytes, for looking at.
 //!
@@ -13,6 +14,7 @@ pub mod display;
 mod error;
 mod format;
 mod library;
+mod measure;
 mod pixels;
 mod prescan;
 mod read;
@@ -20,6 +22,7 @@ mod verify;
 mod write;
 
 pub use error::Error;
+pub use measure::{ChannelRange, measure};
 pub use pixels::{Encoding, Image, RgbImage};
 pub use read::{Info, Limits, info, read};
 pub use write::{ImageSpec, Written, check_target, write_atomic};

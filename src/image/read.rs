@@ -196,7 +196,7 @@ fn sniff(path: &Path) -> Result<Option<&'static CStr>, Error> {
     Ok(formats.iter().find(|(magic, _)| start.starts_with(magic)).map(|(_, name)| *name))
 }
 
-fn refuse_unsupported(path: &Path, info: &Info, header: &Header) -> Result<(), Error> {
+pub(super) fn refuse_unsupported(path: &Path, info: &Info, header: &Header) -> Result<(), Error> {
     let unsupported =
         |what: &str, remedy| Err(Error::Unsupported { path: path.to_owned(), what: what.to_owned(), remedy });
     if info.deep {
@@ -209,7 +209,7 @@ fn refuse_unsupported(path: &Path, info: &Info, header: &Header) -> Result<(), E
 }
 
 /// Checks every claim of the header that costs memory, and returns the number of floats in the image.
-fn check_size(path: &Path, info: &Info, limits: &Limits) -> Result<usize, Error> {
+pub(super) fn check_size(path: &Path, info: &Info, limits: &Limits) -> Result<usize, Error> {
     let area = |size: [u32; 2]| u128::from(size[0]) * u128::from(size[1]);
     let data = area([info.width, info.height]);
     let values = data * info.channels.len() as u128;

@@ -67,7 +67,7 @@ impl Scene {
         let mut hair = HairModel::default();
         let mut hair_objects = Vec::new();
         for (index, file) in files.into_iter().enumerate() {
-            let strands = loader.strands(index, file, &meshes, &space)?;
+            let strands = loader.strands(index, file, &meshes, &space, &space.from_scene())?;
             loader.add_hair(index, &strands, &mut hair, &mut hair_objects);
         }
         let mut surfaces = SurfaceModel::default();
@@ -91,6 +91,36 @@ impl Scene {
     /// What the user wrote.
     pub fn description(&self) -> &Description {
         &self.document.description
+    }
+}
+
+/// The grown hair of a scene, in the scene's space: what [`Scene::load`] grows, but for the rounding of its points.
+#[derive(Clone, Debug)]
+pub struct GrownHair {
+    /// Name and strands of each hair object that is grown, in the order of the file.
+    pub objects: Vec<(String, Strands)>,
+    /// What a user should be told about what was loaded.
+    pub notes: Vec<String>,
+}
+
+impl GrownHair {
+    /// Grows the hair of a scene file; none where no hair object is grown.
+    ///
+    /// # Errors
+    /// As [`Scene::load`], of surfaces and hair. Hair files are read, too: where the hair stands says how it is rounded.
+    pub fn of(document: &Document) -> Result<Self, AssetError> {
+        let mut loader = Loader { document, notes: Vec::new() };
+        let meshes = loader.meshes()?;
+        let files = loader.hair_files()?;
+        let space = loader.space(&meshes, &files);
+        let mut objects = Vec::new();
+        for (index, hair) in document.description.hair.iter().enumerate() {
+            if hair.grow.is_some() {
+                let strands = loader.strands(index, None, &meshes, &space, &DAffine3::IDENTITY)?;
+                objects.push((loader.hair_name(index), strands));
+            }
+        }
+        Ok(Self { objects, notes: loader.notes })
     }
 }
 
@@ -195,23 +225,24 @@ impl Loader<'_> {
         self.description().surface.iter().position(|surface| surface.name.as_deref() == Some(name))
     }
 
-    /// A hair object's strands in render space, with the scene's overrides.
+    /// A hair object's strands in the space that `from_scene` leads to, with the scene's overrides.
     fn strands(
         &mut self,
         index: usize,
         file: Option<Strands>,
         meshes: &[LoadedMesh],
         space: &RenderSpace,
+        from_scene: &DAffine3,
     ) -> Result<Strands, AssetError> {
         let object = self.description().hair[index].clone();
         let key = format!("hair[{index}]");
         let map = self.map(&key, &object.transform)?;
-        let (mut strands, to_render) = match (file, &object.grow) {
-            (Some(strands), _) => (strands, space.from_scene() * map),
+        let (mut strands, to_target) = match (file, &object.grow) {
+            (Some(strands), _) => (strands, from_scene * map),
             (None, Some(settings)) => {
                 let strands = self.grow(&key, settings, object.color, meshes, space)?;
                 let centered = space.centered();
-                (strands, space.from_scene() * map * centered.inverse())
+                (strands, from_scene * map * centered.inverse())
             }
             (None, None) => return Err(self.error(&key, "it has neither file nor grow; give one")),
         };
@@ -225,7 +256,7 @@ impl Loader<'_> {
         if let Some(color) = object.color.filter(|_| object.grow.is_none()) {
             strands.color = crate::hair::Attribute::Uniform(vec3(color));
         }
-        transform::transform_strands(&to_render, &mut strands);
+        transform::transform_strands(&to_target, &mut strands);
         let dropped = strands.cut_damaged().map_err(|e| self.error(&key, e))?;
         if let Some(note) = dropped.note() {
             self.notes.push(format!("{key}: {note}"));
@@ -252,15 +283,21 @@ impl Loader<'_> {
         grow::grow(settings, &mesh, up, color).map_err(|e| self.error(&key, e))
     }
 
-    fn add_hair(&mut self, index: usize, strands: &Strands, model: &mut HairModel, objects: &mut Vec<HairObject>) {
+    /// What messages call a hair object: its name, else its file's, else its key.
+    fn hair_name(&self, index: usize) -> String {
         let description = &self.description().hair[index];
-        let name = description.name.clone().unwrap_or_else(|| {
+        description.name.clone().unwrap_or_else(|| {
             description
                 .file
                 .as_deref()
                 .and_then(Path::file_name)
                 .map_or_else(|| format!("hair[{index}]"), |file| file.to_string_lossy().into_owned())
-        });
+        })
+    }
+
+    fn add_hair(&mut self, index: usize, strands: &Strands, model: &mut HairModel, objects: &mut Vec<HairObject>) {
+        let description = &self.description().hair[index];
+        let name = self.hair_name(index);
         let degenerate = model.add(strands, objects.len() as u16);
         objects.push(HairObject {
             name: name.clone(),
@@ -337,7 +374,8 @@ impl Loader<'_> {
             // Infinities and what overflows become the largest half: bright, but its sums stay finite.
             if value.is_nan() || value < 0.0 { 0.0 } else { (value * scale).min(65_504.0 * scale.max(1.0)) }
         };
-        let pixels: Vec<Vec3> = rgb.pixels.iter().map(|p| Vec3::from_array(p.map(&mut clean))).collect();
+        // By value: the vector is reused, so that a large map is held once.
+        let pixels: Vec<Vec3> = rgb.pixels.into_iter().map(|p| Vec3::from_array(p.map(&mut clean))).collect();
         if mended > 0 {
             self.notes.push(format!(
                 "{}: {mended} values are negative or not finite; they are taken as 0 (infinities as 65504)",

@@ -16,6 +16,6 @@ mod tests;
 mod validate;
 
 pub use document::{Document, Problem, Problems, SceneError, load};
-pub use loaded::{AssetError, HairObject, Scene};
+pub use loaded::{AssetError, GrownHair, HairObject, Scene};
 pub use schema::schema;
 pub use spans::Place;

@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 
@@ -28,7 +28,17 @@ pub fn write_hair(strands: &Strands, path: &Path) -> Result<(), Error> {
     write_file(strands, path).map_err(|source| Error::Write { path: path.into(), source })
 }
 
+/// The file that `path` leads to: a symbolic link keeps its place. A device or a pipe is refused, as it would be replaced.
+fn target(path: &Path) -> std::io::Result<PathBuf> {
+    match path.metadata() {
+        Ok(data) if !data.is_file() => Err(std::io::Error::other("it is there already and no regular file")),
+        Ok(_) => path.canonicalize(),
+        Err(_) => Ok(path.to_owned()),
+    }
+}
+
 fn write_file(strands: &Strands, path: &Path) -> std::io::Result<()> {
+    let path = &target(path)?;
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
