@@ -154,15 +154,15 @@ fn info_tells_what_is_in_each_kind_of_file() {
     let errors: Vec<&str> = err.lines().collect();
     assert!(errors.len() == 2 && errors[0].contains("bad.hair") && errors[1].contains("none.obj"), "{err}");
     for part in [
-        "a.txt: hair (text)\n  strands       1\n  segments      2\n",
-        "  bounds        0 0 0 .. 0 1 0\n",
-        "  suspicious    1 segments have no length\n",
-        "mesh: mesh\n  triangles     2\n",
-        "  suspicious    1 triangles have no area\n",
-        "a.exr: image (openexr)\n  size          2x1 pixels\n",
-        "  Y             -1.5 to -1.5, mean -1.5, 1 NaN, 1 negative (float)\n",
-        "  suspicious    1 values are not numbers (NaN)\n",
-        "scene.toml: scene\n  picture       512x512 pixels\n  hair          2 objects\n",
+        "a.txt: hair (text)\n  strands        1\n  segments       2\n",
+        "  bounds         0 0 0 .. 0 1 0\n",
+        "  suspicious     1 segments have no length\n",
+        "mesh: mesh\n  triangles      2\n",
+        "  suspicious     1 triangles have no area\n",
+        "a.exr: image (openexr)\n  size           2x1 pixels\n",
+        "  Y              -1.5 to -1.5, mean -1.5, 1 NaN, 1 negative (float)\n",
+        "  suspicious     1 values are not numbers (NaN)\n",
+        "scene.toml: scene\n  picture        512x512 pixels\n  hair           2 objects\n",
     ] {
         assert!(out.contains(part), "{part} in {out}");
     }

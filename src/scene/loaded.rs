@@ -15,6 +15,9 @@ use crate::image;
 use crate::surface::{Mesh, SurfaceModel, obj, primitives};
 use crate::transform;
 
+/// Larger environment maps are refused, in bytes of all their channels as `f32`: 16384x4096 pixels of three.
+const MAX_MAP_BYTES: u64 = 768 << 20;
+
 /// A scene, ready to be rendered. Lengths and positions are in render space.
 #[derive(Debug)]
 pub struct Scene {
@@ -367,7 +370,7 @@ impl Loader<'_> {
 
     fn environment_map(&mut self, path: &Path, scale: f32) -> Result<Radiance, AssetError> {
         let key = "environment.file";
-        let rgb = image::read(path, &image::Limits::default())
+        let rgb = image::read(path, &image::Limits { max_bytes: MAX_MAP_BYTES })
             .and_then(|image| image.rgb())
             .map_err(|e| self.error(key, e))?;
         let mut mended = 0_usize;

@@ -46,7 +46,7 @@ impl Page {
 
     fn fact(&mut self, name: &str, value: impl AsRef<str>) {
         // Names come from the file: no escape sequence of theirs shall reach the terminal.
-        let _ = writeln!(self.0, "  {:<13} {}", printable(name), printable(value.as_ref()));
+        let _ = writeln!(self.0, "  {:<14} {}", printable(name), printable(value.as_ref()));
     }
 }
 
@@ -56,7 +56,7 @@ fn hair(facts: &hair_inspect::Report, page: &mut Page) {
     page.fact("points", format!("{}; {} a strand", facts.points, spread(&facts.points_per_strand)));
     page.fact("bounds", bounds(&facts.bounds));
     page.fact("strand length", spread(&facts.strand_length));
-    page.fact("segm. length", spread(&facts.segment_length));
+    page.fact("segment length", spread(&facts.segment_length));
     page.fact("width", format!("{}{}", spread(&facts.width), given(facts.width_given)));
     page.fact("transparency", format!("{}{}", spread(&facts.transparency), given(facts.transparency_given)));
     let [r, g, b] = facts.color_mean;
