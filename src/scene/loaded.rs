@@ -194,7 +194,14 @@ impl Loader<'_> {
                 continue;
             };
             let path = self.document.resolve(file);
-            let options = formats::Options { thickness_is: object.thickness_is };
+            let options = formats::Options {
+                thickness_is: object.thickness_is,
+                replaced: formats::Has {
+                    width: object.width.is_some(),
+                    color: object.color.is_some(),
+                    transparency: object.transparency.is_some(),
+                },
+            };
             let loaded = formats::read(&path, object.format, &options)
                 .map_err(|e| self.error(&format!("hair[{index}].file"), e))?;
             self.notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", path.display())));
