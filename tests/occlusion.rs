@@ -72,8 +72,8 @@ fn scalp(device: &Device) -> Surfaces {
 
 /// Σ over faces of [the face's ray misses the surface] Γ, over the number of faces.
 fn projected_sky(tree: &ClusterTree, model: &HairModel, receivers: &[Receiver], surfaces: &Surfaces) -> Vec<f64> {
+    let igloo = igloo_for(&receivers[0], FACES);
     let value = |scratch: &mut Scratch, (key, receiver): (usize, &Receiver)| {
-        let igloo = igloo_for(receiver, FACES);
         let distance = |face| {
             let [across, down] = [0, 1].map(|axis| random(&[20, key as u32, face as u32, axis]));
             let direction = receiver.frame * igloo.direction(face, across, down);
@@ -97,8 +97,8 @@ fn traced_sky(
     surfaces: &Surfaces,
     per_face: u32,
 ) -> Vec<f64> {
+    let igloo = igloo_for(&receivers[0], FACES);
     let value = |(key, receiver): (usize, &Receiver)| {
-        let igloo = igloo_for(receiver, FACES);
         let mut sum = 0.0;
         for (face, ray) in (0..igloo.len()).flat_map(|face| (0..per_face).map(move |ray| (face, ray))) {
             let [across, down] = [0, 1].map(|axis| random(&[21, key as u32, face as u32, ray, axis]));

@@ -169,7 +169,7 @@ pub fn on_floor(y: f32, count: u32) -> Vec<Receiver> {
     (0..count).map(receiver).collect()
 }
 
-/// The igloo that suits a receiver.
+/// The igloo that suits a receiver and all of its kind.
 pub fn igloo_for(receiver: &Receiver, faces: u32) -> Igloo {
     Igloo::new(if receiver.on.is_some() { Span::Sphere } else { Span::Hemisphere }, faces)
 }
@@ -182,9 +182,9 @@ pub fn projected(
     faces: u32,
     selection: Selection,
 ) -> Vec<f64> {
+    let igloo = igloo_for(&receivers[0], faces);
+    let far = vec![f32::INFINITY; igloo.len()];
     let value = |scratch: &mut Scratch, receiver: &Receiver| {
-        let igloo = igloo_for(receiver, faces);
-        let far = vec![f32::INFINITY; igloo.len()];
         mean(&face_values(tree, model, receiver, &igloo, selection, &far, scratch))
     };
     receivers.par_iter().map_init(Scratch::default, value).collect()
@@ -208,9 +208,9 @@ pub fn face_values(
 
 /// Γ̄ over the igloo by `rays` rays, with nothing behind the hair.
 pub fn traced(rays: &HairRays, model: &HairModel, receivers: &[Receiver], count: u32) -> Vec<f64> {
+    let igloo = igloo_for(&receivers[0], 100);
+    let far = vec![f32::INFINITY; igloo.len()];
     let value = |(key, receiver): (usize, &Receiver)| {
-        let igloo = igloo_for(receiver, 100);
-        let far = vec![f32::INFINITY; igloo.len()];
         let mut gamma = vec![0.0; igloo.len()];
         rays.transmittances(model, receiver, &igloo, count, 0.0, &far, key as u32, &mut gamma);
         mean(&gamma)
