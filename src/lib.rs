@@ -2,6 +2,7 @@
 
 pub mod camera;
 pub mod cli;
+pub mod effects;
 pub mod embree;
 pub mod fragment;
 pub mod hair;

@@ -11,6 +11,7 @@ mod man;
 pub mod progress;
 pub mod render;
 mod schema;
+mod summary;
 pub mod values;
 
 use std::process::ExitCode;

@@ -1,22 +1,26 @@
 //! `tress render`: turns the command line and a scene into a [`RenderRequest`].
 
-use std::path::PathBuf;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use clap::builder::PossibleValuesParser;
 
 use super::values::{self, Crop, Frames, Resolution};
-use super::{Failure, Overrides, Verbosity, interrupt, load, progress::Reporter};
-use crate::render::progress::Progress;
-use crate::scene::Document;
+use super::{Failure, Overrides, Verbosity, interrupt, load, progress::Reporter, summary};
+use crate::fragment::PixelRect;
+use crate::render::{self, Options, RenderError, Statistics, output, progress::Progress, statistics::Stage};
+use crate::scene::frame::frame_path;
+use crate::scene::{Document, Scene};
 
 /// Render a scene to an image
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     /// The scene file (.toml or .json)
     scene: PathBuf,
-    /// The image to write; its ending says the format, a run of # stands for the frame number. Comes before output.file of the scene
+    /// The image to write; its ending says the format, a run of # stands for the frame number. Comes before output.file of the scene; may be given several times
     #[arg(long, short, value_name = "FILE")]
-    output: Option<PathBuf>,
+    output: Vec<PathBuf>,
     /// How hair occlusion is found; the same as --set occlusion.mode=
     #[arg(long, value_name = "MODE", value_parser = PossibleValuesParser::new(MODES))]
     occlusion: Option<String>,
@@ -53,8 +57,8 @@ const MODES: [&str; 3] = ["igloo", "raytraced", "none"];
 pub struct RenderRequest {
     /// The scene, the command line's settings included.
     pub document: Document,
-    /// The image to write, relative to the working folder; a run of `#` in its name stands for the frame ([`values::frame_path`]).
-    pub output: PathBuf,
+    /// The images to write, relative to the working folder; a run of `#` in a name stands for the frame ([`frame_path`]).
+    pub outputs: Vec<PathBuf>,
     /// The frames, at least one.
     pub frames: Frames,
     /// The part of the picture to render, inside the picture; all of it where none.
@@ -71,27 +75,118 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
     let request = request(arguments, verbosity)?;
     interrupt::install().map_err(|e| Failure::Bug(format!("cannot catch Ctrl-C: {e}")))?;
     let reporter = Reporter::new(verbosity);
-    render(&request, &reporter)
+    let mut reports = Vec::new();
+    let frames = request.frames.numbers();
+    for &frame in frames {
+        let numbered = frames.len() > 1;
+        let statistics = render_frame(&request, frame, &reporter, verbosity, numbered)?;
+        reports.push(FrameReport { frame, statistics });
+        if let Some(path) = &request.stats {
+            // After each frame: what was measured is kept when a later frame fails.
+            write_statistics(path, &reports)?;
+        }
+    }
+    strict(&request, &reports)
 }
 
-/// Renders each frame of a request. Must return [`Failure::Interrupted`] when `progress` says that it is cancelled.
-fn render(_: &RenderRequest, _: &dyn Progress) -> Result<(), Failure> {
-    Err(Failure::Bug("this build cannot render yet".to_owned()))
+/// What `--stats` writes of one frame.
+#[derive(serde::Serialize)]
+struct FrameReport {
+    frame: u32,
+    #[serde(flatten)]
+    statistics: Statistics,
+}
+
+/// Loads, renders and writes one frame.
+fn render_frame(
+    request: &RenderRequest,
+    frame: u32,
+    progress: &dyn Progress,
+    verbosity: Verbosity,
+    numbered: bool,
+) -> Result<Statistics, Failure> {
+    let outputs: Vec<PathBuf> = request.outputs.iter().map(|path| frame_path(path, frame)).collect();
+    for path in &outputs {
+        output::check(path).map_err(|e| Failure::Output(e.to_string()))?;
+    }
+    let begin = Instant::now();
+    progress.stage(&if numbered { format!("frame {frame}: loading") } else { "loading".to_owned() }, 0);
+    let mut scene = Scene::load(request.document.at_frame(frame)).map_err(|e| Failure::Input(e.to_string()))?;
+    let loading = begin.elapsed();
+    if !verbosity.quiet {
+        scene.notes.iter().for_each(|note| progress.message(&format!("note: {note}")));
+    }
+    let window = request.crop.map(|crop| PixelRect { min: [crop.x0, crop.y0], max: [crop.x1, crop.y1] });
+    let options = Options { window, threads: request.threads };
+    let (film, mut statistics) = render::render(&mut scene, &options, progress)?;
+    statistics.stages.insert(0, Stage { name: "loading".to_owned(), seconds: loading.as_secs_f64(), peak_bytes: 0 });
+    let begin = Instant::now();
+    for path in &outputs {
+        if progress.cancelled() {
+            return Err(Failure::Interrupted);
+        }
+        let written = output::write(path, &film, &scene, &statistics).map_err(|e| Failure::Output(e.to_string()))?;
+        if written.saturated > 0 && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr")) {
+            let name = path.display();
+            progress.message(&format!(
+                "warning: {name}: {} values beyond 65504 were stored as that; output.pixel_type = \"float\" keeps them",
+                written.saturated
+            ));
+        }
+    }
+    statistics.stage("writing", begin.elapsed());
+    if !verbosity.quiet {
+        summary::lines(&statistics, &outputs).iter().for_each(|line| progress.message(line));
+    }
+    Ok(statistics)
+}
+
+fn write_statistics(path: &Path, reports: &[FrameReport]) -> Result<(), Failure> {
+    let failed =
+        |e: &dyn std::fmt::Display| Failure::Output(format!("{}: cannot write statistics: {e}", path.display()));
+    let text = serde_json::to_string_pretty(reports).map_err(|e| failed(&e))?;
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut file =
+        tempfile::Builder::new().make_in(folder, |p| std::fs::File::create_new(p)).map_err(|e| failed(&e))?;
+    file.write_all(text.as_bytes()).and_then(|()| file.as_file().sync_all()).map_err(|e| failed(&e))?;
+    file.persist(path).map(drop).map_err(|e| failed(&e.error))
+}
+
+/// With `--strict`, values that are not finite are a failure; the picture is there all the same.
+fn strict(request: &RenderRequest, reports: &[FrameReport]) -> Result<(), Failure> {
+    let count: u64 = reports.iter().map(|report| report.statistics.non_finite).sum();
+    if count == 0 || !request.strict {
+        return Ok(());
+    }
+    Err(Failure::NonFinite(format!("{count} shading points gave values that are not finite; the summary says where")))
+}
+
+impl From<RenderError> for Failure {
+    fn from(error: RenderError) -> Self {
+        match error {
+            RenderError::Cancelled => Failure::Interrupted,
+            // Memory that is not to be had for what the scene asks.
+            RenderError::Bins(_) | RenderError::Threads { .. } => Failure::Input(error.to_string()),
+            RenderError::Embree(_) => Failure::Bug(error.to_string()),
+        }
+    }
 }
 
 fn request(arguments: Arguments, verbosity: Verbosity) -> Result<RenderRequest, Failure> {
     let document = load(&arguments.scene, &settings(&arguments), verbosity)?;
     let frames = arguments.frames.unwrap_or_default();
-    let output = output(arguments.output, &document)?;
-    if frames.numbers().len() > 1 && values::frame_path(&output, 1) == output {
-        let message = format!(
-            "{}: {} frames would overwrite each other; put #### where the frame number goes",
-            output.display(),
-            frames.numbers().len()
-        );
-        return Err(Failure::Usage(message));
+    let outputs = outputs(arguments.output, &document)?;
+    for output in &outputs {
+        if frames.numbers().len() > 1 && frame_path(output, 1) == *output {
+            let message = format!(
+                "{}: {} frames would overwrite each other; put #### where the frame number goes",
+                output.display(),
+                frames.numbers().len()
+            );
+            return Err(Failure::Usage(message));
+        }
+        values::folder_exists(output)?;
     }
-    values::folder_exists(&output)?;
     if let Some(stats) = &arguments.stats {
         values::folder_exists(stats)?;
     }
@@ -101,7 +196,7 @@ fn request(arguments: Arguments, verbosity: Verbosity) -> Result<RenderRequest, 
     }
     let threads = arguments.threads.map(usize::from);
     let Arguments { crop, strict, stats, .. } = arguments;
-    Ok(RenderRequest { document, output, frames, crop, threads, strict, stats })
+    Ok(RenderRequest { document, outputs, frames, crop, threads, strict, stats })
 }
 
 /// What `--set` says, and after it the options that stand for a key.
@@ -114,13 +209,18 @@ fn settings(arguments: &Arguments) -> Vec<String> {
     settings
 }
 
-/// The file to write: `-o`, relative to the working folder, or the scene's, relative to the scene.
-fn output(option: Option<PathBuf>, document: &Document) -> Result<PathBuf, Failure> {
-    let output = option.or_else(|| document.description.output.file.as_deref().map(|file| document.resolve(file)));
-    output.filter(|path| path.file_name().is_some()).ok_or_else(|| {
+/// The files to write: those of `-o`, relative to the working folder, or the scene's, relative to the scene.
+fn outputs(options: Vec<PathBuf>, document: &Document) -> Result<Vec<PathBuf>, Failure> {
+    let given = if options.is_empty() {
+        document.description.output.file.as_deref().map(|file| document.resolve(file)).into_iter().collect()
+    } else {
+        options
+    };
+    if given.is_empty() || given.iter().any(|path| path.file_name().is_none()) {
         let message = "no output: say where the image goes with -o FILE, or with output.file in the scene";
-        Failure::Usage(message.to_owned())
-    })
+        return Err(Failure::Usage(message.to_owned()));
+    }
+    Ok(given)
 }
 
 #[cfg(test)]
@@ -150,11 +250,11 @@ mod tests {
         let scene = &request.document.description;
         assert_eq!(scene.occlusion.mode, crate::scene::description::OcclusionMode::Raytraced);
         assert_eq!((scene.camera.resolution, scene.camera.fov, scene.sampling.seed), ([64, 32], 40.0, 7));
-        assert_eq!((request.output, request.frames.numbers()), (PathBuf::from("a##.exr"), &[1, 2, 3][..]));
+        assert_eq!((request.outputs, request.frames.numbers()), (vec![PathBuf::from("a##.exr")], &[1, 2, 3][..]));
         assert_eq!((request.threads, request.strict), (Some(2), true));
         // Without -o the scene's own file, beside the scene.
         let request = ask(folder.path(), "output.file = 'b.exr'", &[]).unwrap();
-        assert_eq!((request.output, request.frames), (folder.path().join("b.exr"), Frames::default()));
+        assert_eq!((request.outputs, request.frames), (vec![folder.path().join("b.exr")], Frames::default()));
     }
 
     #[test]

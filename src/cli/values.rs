@@ -1,7 +1,7 @@
 //! The values of options: read strictly, with messages that show the right form.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::Failure;
 use crate::scene::keypath::clip;
@@ -127,16 +127,6 @@ pub(crate) fn setting(text: &str) -> Result<String, String> {
     crate::scene::overrides::check_form(text).map(|()| text.to_owned())
 }
 
-/// The path of one frame: the last run of `#` in the file's name becomes the number, padded with zeros to its length.
-pub fn frame_path(pattern: &Path, frame: u32) -> PathBuf {
-    let Some(name) = pattern.file_name().and_then(|name| name.to_str()) else { return pattern.to_owned() };
-    let Some(last) = name.rfind('#') else { return pattern.to_owned() };
-    let first =
-        name[..last].rfind(|c| c != '#').map_or(0, |at| at + name[at..].chars().next().map_or(1, char::len_utf8));
-    let width = last + 1 - first;
-    pattern.with_file_name(format!("{}{frame:0width$}{}", &name[..first], &name[last + 1..]))
-}
-
 /// An error unless the folder of an output file exists: better now than when the work is done.
 pub(crate) fn folder_exists(file: &Path) -> Result<(), Failure> {
     if file.is_dir() {
@@ -201,21 +191,10 @@ mod tests {
         }
     }
 
-    #[test]
-    fn frame_paths() {
-        let path = |pattern: &str, frame| frame_path(Path::new(pattern), frame).to_str().unwrap().to_owned();
-        assert_eq!(path("out/a.####.exr", 7), "out/a.0007.exr");
-        assert_eq!(path("#.exr", 12345), "12345.exr");
-        assert_eq!(path("##a##.exr", 7), "##a07.exr");
-        assert_eq!(path("é##.exr", 7), "é07.exr");
-        assert_eq!(path("##/a.exr", 7), "##/a.exr");
-        assert_eq!(path("", 7), "");
-    }
-
     proptest! {
         #[test]
         fn any_text_is_read_or_refused(text in "[0-9x,\\-]{0,24}|.*") {
-            let _ = (resolution(&text), crop(&text), setting(&text), frame_path(Path::new(&text), 3));
+            let _ = (resolution(&text), crop(&text), setting(&text));
             if let Ok(frames) = frames(&text) {
                 prop_assert!(!frames.numbers().is_empty());
             }

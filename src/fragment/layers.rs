@@ -34,6 +34,15 @@ impl Layer {
     }
 }
 
+/// Which layers of a pixel are worth shading.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rank {
+    /// Those that are seen most: of greatest weight w.
+    Seen,
+    /// Those of lowest γ, as in section 4.1 of the paper: the most opaque, however much hair hides them.
+    Gamma,
+}
+
 /// A layer to be shaded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shaded {
@@ -124,10 +133,10 @@ impl PixelLayers {
         self.alpha = ((1.0 - empty) + empty * absorbed).clamp(0.0, 1.0);
     }
 
-    /// Chooses the layers to shade: the `count` (at least one) of lowest γ among those seen by more than `min_weight`, see [`MIN_WEIGHT`]; if
-    /// there are none, the one that is seen most. Each other layer adds its weight to the shaded layer nearest in depth, the front one of two
-    /// equally near, so that alpha is right for every `count`. The result is in depth order; it is empty if no hair is seen.
-    pub fn select(&mut self, count: usize, min_weight: f64, shaded: &mut Vec<Shaded>) {
+    /// Chooses the layers to shade: the `count` (at least one) that come first by `rank` among those seen by more than `min_weight`, see
+    /// [`MIN_WEIGHT`]; if there are none, the one that is seen most. Each other layer adds its weight to the shaded layer nearest in depth, the
+    /// front one of two equally near, so that alpha is right for every `count`. The result is in depth order; it is empty if no hair is seen.
+    pub fn select(&mut self, count: usize, rank: Rank, min_weight: f64, shaded: &mut Vec<Shaded>) {
         let Self { layers, candidates, .. } = self;
         shaded.clear();
         candidates.clear();
@@ -141,9 +150,11 @@ impl PixelLayers {
                 None => return,
             }
         } else if candidates.len() > count {
-            candidates.select_nth_unstable_by(count - 1, |&a, &b| {
-                layers[b as usize].opacity.total_cmp(&layers[a as usize].opacity).then(a.cmp(&b))
-            });
+            let key = |n: u32| match rank {
+                Rank::Seen => layers[n as usize].weight,
+                Rank::Gamma => layers[n as usize].opacity,
+            };
+            candidates.select_nth_unstable_by(count - 1, |&a, &b| key(b).total_cmp(&key(a)).then(a.cmp(&b)));
             candidates.truncate(count);
             candidates.sort_unstable();
         }
@@ -235,28 +246,42 @@ mod tests {
         let hair: Vec<_> = (0..5).map(|i| fragment(1.0 + i as f32, coverages[i as usize], i)).collect();
         pixel.composite(&hair, |_| 0.0, &[], 0);
         let w: Vec<_> = pixel.layers.iter().map(|layer| layer.weight).collect();
-        pixel.select(2, MIN_WEIGHT, &mut shaded);
+        pixel.select(2, Rank::Gamma, MIN_WEIGHT, &mut shaded);
         // Layers 1 and 3 are the most opaque; layer 2 is as near to both and goes to the front one.
         assert_eq!(shaded.iter().map(|s| s.fragment).collect::<Vec<_>>(), [1, 3]);
         assert!((shaded[0].weight - (w[0] + w[1] + w[2])).abs() < 1e-15);
         assert!((shaded[1].weight - (w[3] + w[4])).abs() < 1e-15);
-        pixel.select(usize::MAX, 0.0, &mut shaded);
+        pixel.select(usize::MAX, Rank::Gamma, 0.0, &mut shaded);
         assert_eq!(shaded.iter().map(|s| s.weight).collect::<Vec<_>>(), w);
         // Several at one depth keep their own weights.
         let hair: Vec<_> = (0..4).map(|i| fragment(1.0, 0.25, i)).collect();
         pixel.composite(&hair, |_| 0.0, &[], 0);
-        pixel.select(9, MIN_WEIGHT, &mut shaded);
+        pixel.select(9, Rank::Gamma, MIN_WEIGHT, &mut shaded);
         assert!(shaded.iter().zip(&pixel.layers).all(|(s, layer)| s.weight == layer.weight));
         // Nothing above the bound: the heaviest, here the first of equal coverage.
         let hair: Vec<_> = (0..4).map(|i| fragment(1.0 + i as f32, 1e-5, i)).collect();
         pixel.composite(&hair, |_| 0.0, &[], 0);
-        pixel.select(3, MIN_WEIGHT, &mut shaded);
+        pixel.select(3, Rank::Gamma, MIN_WEIGHT, &mut shaded);
         assert_eq!((shaded.len(), shaded[0].fragment), (1, 0));
         assert!((shaded[0].weight - pixel.alpha).abs() < 1e-17);
         // Hidden hair is not shaded at all.
         pixel.composite(&hair, |_| 0.0, &[surface(0.5, 0)], 1);
-        pixel.select(3, MIN_WEIGHT, &mut shaded);
+        pixel.select(3, Rank::Gamma, MIN_WEIGHT, &mut shaded);
         assert!(shaded.is_empty());
+    }
+
+    #[test]
+    fn what_is_seen_counts_rather_than_what_is_opaque() {
+        let mut pixel = PixelLayers::default();
+        let mut shaded = Vec::new();
+        let hair: Vec<_> = (0..3).map(|i| fragment(1.0 + i as f32, [0.5, 0.45, 0.48][i as usize], i)).collect();
+        pixel.composite(&hair, |_| 0.0, &[], 0);
+        let mut chosen = |rank| {
+            pixel.select(2, rank, MIN_WEIGHT, &mut shaded);
+            shaded.iter().map(|s| s.fragment).collect::<Vec<_>>()
+        };
+        assert_eq!(chosen(Rank::Gamma), [0, 2]);
+        assert_eq!(chosen(Rank::Seen), [0, 1]);
     }
 
     #[test]
@@ -360,7 +385,7 @@ mod tests {
 
             let hair_weight: f64 = pixel.layers.iter().map(|layer| layer.weight).sum();
             let mut shaded = Vec::new();
-            pixel.select(count, MIN_WEIGHT, &mut shaded);
+            pixel.select(count, Rank::Gamma, MIN_WEIGHT, &mut shaded);
             let kept: f64 = shaded.iter().map(|s| s.weight).sum();
             prop_assert!((kept - hair_weight).abs() < 1e-14);
             prop_assert!(shaded.len() <= count.max(1));

@@ -10,5 +10,5 @@ pub mod surface;
 
 pub use bins::{BinError, Bins, TileGrid, assign};
 pub use hair::{HairFragment, HairSegment, PixelRect, scan_convert};
-pub use layers::{Layer, MIN_WEIGHT, PixelLayers, Shaded};
+pub use layers::{Layer, MIN_WEIGHT, PixelLayers, Rank, Shaded};
 pub use surface::{NO_SURFACE, SurfaceGroup, SurfaceHit, SurfacePixel, SurfaceSample};

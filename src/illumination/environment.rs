@@ -21,6 +21,17 @@ pub enum Radiance {
     Map { width: usize, height: usize, pixels: Vec<Vec3> },
 }
 
+impl Radiance {
+    /// Whether it is black everywhere.
+    pub fn is_black(&self) -> bool {
+        match self {
+            Self::Uniform(color) => *color == Vec3::ZERO,
+            Self::Gradient { zenith, horizon, nadir } => [zenith, horizon, nadir].iter().all(|c| **c == Vec3::ZERO),
+            Self::Map { pixels, .. } => pixels.iter().all(|pixel| *pixel == Vec3::ZERO),
+        }
+    }
+}
+
 /// The environment of a scene.
 #[derive(Clone, Debug)]
 pub struct Environment {
@@ -57,14 +68,6 @@ impl Environment {
                 .collect();
         }
         environment
-    }
-
-    /// Whether it is black everywhere.
-    pub fn is_black(&self) -> bool {
-        match &self.radiance {
-            Radiance::Uniform(color) => *color == Vec3::ZERO,
-            _ => self.cells.iter().all(|cell| cell.energy == Vec3::ZERO),
-        }
     }
 
     /// Radiance from a unit direction, bilinear between a map's pixels.

@@ -514,9 +514,11 @@ impl Default for Thinning {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Sampling {
-    /// Hair layers a pixel that are lit and shaded: those of lowest γ (the most opaque). The others still attenuate.
+    /// Hair layers a pixel that are lit and shaded; the others still attenuate, and take the colour of the nearest shaded one.
     #[schemars(range(min = 1, max = 100000))]
     pub layers: u32,
+    /// Which layers these are.
+    pub layer_choice: LayerChoice,
     /// Samples a pixel for the coverage of surfaces; rounded up to a square number.
     #[schemars(range(min = 16, max = 4096))]
     pub surface_samples: u32,
@@ -530,8 +532,19 @@ pub struct Sampling {
 
 impl Default for Sampling {
     fn default() -> Self {
-        Self { layers: 6, surface_samples: 16, area_light_samples: 16, seed: 0 }
+        Self { layers: 6, layer_choice: LayerChoice::Seen, surface_samples: 16, area_light_samples: 16, seed: 0 }
     }
+}
+
+/// Which hair layers of a pixel are shaded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum LayerChoice {
+    /// Those that are seen most: the most opaque that other hair does not hide.
+    #[default]
+    Seen,
+    /// Those of lowest γ, as in the paper: the most opaque, hidden by other hair or not.
+    Gamma,
 }
 
 /// What is written, and how.
@@ -546,6 +559,8 @@ pub struct Output {
     pub pixel_type: PixelType,
     /// Compression of an OpenEXR file.
     pub compression: Compression,
+    /// Leaves the render time out of the metadata, so that equal pictures make equal files.
+    pub reproducible: bool,
     /// Exposure of PNG, JPEG and 8-bit TIFF files, in stops. OpenEXR files are never exposed.
     #[schemars(range(min = -50.0, max = 50.0))]
     pub exposure: f64,
@@ -558,6 +573,7 @@ impl Default for Output {
             layers: vec![Layer::Beauty, Layer::Alpha],
             pixel_type: PixelType::Half,
             compression: Compression::Zip,
+            reproducible: false,
             exposure: 0.0,
         }
     }

@@ -158,17 +158,20 @@ impl Loader<'_> {
 
     fn mesh(&mut self, index: usize, surface: &description::Surface) -> Result<LoadedMesh, AssetError> {
         let key = format!("surface[{index}]");
-        let map = self.map(&key, &surface.transform)?;
+        let mut map = self.map(&key, &surface.transform)?;
         let mut mesh = if let Some(file) = &surface.file {
             let path = self.document.resolve(file);
             let loaded = obj::load_obj(&path).map_err(|e| self.error(&format!("{key}.file"), e))?;
             self.notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", path.display())));
             loaded.mesh
         } else if let Some(sphere) = &surface.sphere {
-            primitives::sphere(DVec3::from(sphere.center), sphere.radius)
+            // Made at the origin and moved in f64: far away, f32 would not hold it.
+            map = map * DAffine3::from_translation(DVec3::from(sphere.center));
+            primitives::sphere(DVec3::ZERO, sphere.radius)
         } else if let Some(plane) = &surface.plane {
             let normal = plane.normal.map_or(up_axis(self.description().up), DVec3::from);
-            primitives::plane(DVec3::from(plane.center), normal, plane.size)
+            map = map * DAffine3::from_translation(DVec3::from(plane.center));
+            primitives::plane(DVec3::ZERO, normal, plane.size)
         } else {
             return Err(self.error(&key, "it has none of file, sphere and plane; give one"));
         };

@@ -3,6 +3,7 @@
 mod check;
 pub mod description;
 pub mod document;
+pub mod frame;
 pub mod keypath;
 pub mod loaded;
 pub mod overrides;

@@ -56,6 +56,11 @@ impl SurfaceModel {
         self.triangles.is_empty()
     }
 
+    /// Whether any surface reflects light.
+    pub fn reflects(&self) -> bool {
+        self.finishes.iter().any(|finish| finish.albedo != Vec3::ZERO)
+    }
+
     /// Number of triangles.
     pub fn triangles(&self) -> usize {
         self.triangles.len()

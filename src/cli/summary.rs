@@ -1,0 +1,68 @@
+//! The summary after a render.
+
+use std::path::PathBuf;
+
+use crate::render::Statistics;
+
+/// What was done, what it took, and where it went: a line each.
+pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf]) -> Vec<String> {
+    let s = statistics;
+    let mut lines = vec![
+        format!(
+            "shaded {} points on hair and {} on surfaces, from {} fragments of {} segments; {} triangles",
+            grouped(s.hair_points),
+            grouped(s.surface_points),
+            grouped(s.hair_fragments),
+            grouped(s.segments),
+            grouped(s.triangles)
+        ),
+        format!(
+            "time: {} ({:.2} s in all, {} threads); peak memory {:.0} MiB",
+            s.stages
+                .iter()
+                .map(|stage| format!("{} {:.2} s", stage.name, stage.seconds))
+                .collect::<Vec<_>>()
+                .join(", "),
+            s.seconds(),
+            s.threads,
+            s.stages.iter().map(|stage| stage.peak_bytes).max().unwrap_or(0) as f64 / (1 << 20) as f64
+        ),
+        format!(
+            "rendering, CPU time: fragments {:.2} s, hair occlusion {:.2} s, arriving light {:.2} s, point and directional lights {:.2} s",
+            s.cpu_seconds.fragments, s.cpu_seconds.gamma, s.cpu_seconds.lambda, s.cpu_seconds.direct
+        ),
+    ];
+    if s.non_finite > 0 {
+        lines.push(format!(
+            "warning: {} shading points gave values that are not finite and were replaced by their neighbours' mean:",
+            s.non_finite
+        ));
+        lines
+            .extend(s.non_finite_examples.iter().map(|n| format!("  pixel {},{}: {}", n.pixel[0], n.pixel[1], n.what)));
+    }
+    lines.extend(outputs.iter().map(|path| format!("wrote {}", path.display())));
+    lines
+}
+
+/// A number with its thousands apart.
+fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i) % 3 == 0 {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thousands_stand_apart() {
+        assert_eq!([0, 999, 1000, 1_234_567].map(grouped), ["0", "999", "1,000", "1,234,567"]);
+    }
+}

@@ -1,0 +1,122 @@
+//! Which effects a scene calls for. Found before anything is computed; what is off is not built, held or entered.
+
+use serde::Serialize;
+
+use crate::scene::Scene;
+use crate::scene::description::{Layer, OcclusionMode};
+
+/// One effect, and why it is on or off.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Effect {
+    pub name: &'static str,
+    pub on: bool,
+    pub reason: &'static str,
+}
+
+/// The plan for a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Effects {
+    /// There is hair.
+    pub hair: bool,
+    /// There are surfaces, or area lights, that block light and are seen.
+    pub surfaces: bool,
+    /// Light comes from the environment.
+    pub environment: bool,
+    /// Light comes from area lights.
+    pub area_lights: bool,
+    /// Light comes from point or directional lights.
+    pub direct_lights: bool,
+    /// Surfaces reflect light on hair and on each other.
+    pub reflection: bool,
+    /// Γ by projection: a tree over the segments.
+    pub projected_occlusion: bool,
+    /// Γ by rays.
+    pub raytraced_occlusion: bool,
+    /// Rays through hair for anything: a curve BVH.
+    pub hair_rays: bool,
+    /// Hair has a highlight.
+    pub highlight: bool,
+    /// Light without hair occlusion is wanted as a layer of its own.
+    pub unoccluded_layer: bool,
+}
+
+impl Effects {
+    /// The effects that a scene calls for.
+    pub fn of(scene: &Scene) -> Self {
+        let description = scene.description();
+        let hair = !scene.hair.is_empty();
+        let surfaces = !scene.surfaces.is_empty();
+        let environment = !scene.radiance.is_black();
+        let area_lights = !scene.area.is_empty();
+        let direct_lights = !scene.direct.is_empty();
+        let reflection = surfaces && (environment || area_lights || direct_lights) && scene.surfaces.reflects();
+        let incident = environment || area_lights || reflection;
+        let mode = description.occlusion.mode;
+        let raytraced_occlusion = hair && incident && mode == OcclusionMode::Raytraced;
+        Self {
+            hair,
+            surfaces,
+            environment,
+            area_lights,
+            direct_lights,
+            reflection,
+            projected_occlusion: hair && incident && mode == OcclusionMode::Igloo,
+            raytraced_occlusion,
+            hair_rays: hair && (raytraced_occlusion || direct_lights || reflection),
+            highlight: hair && scene.hair_objects.iter().any(|object| object.specular != glam::Vec3::ZERO),
+            unoccluded_layer: description.output.layers.contains(&Layer::EnvironmentUnoccluded),
+        }
+    }
+
+    /// The plan in words.
+    pub fn list(&self) -> Vec<Effect> {
+        let say = |name, on, because: &'static str, lacking: &'static str| Effect {
+            name,
+            on,
+            reason: if on { because } else { lacking },
+        };
+        vec![
+            say("hair", self.hair, "the scene has hair", "the scene has no hair"),
+            say("surfaces", self.surfaces, "the scene has surfaces", "the scene has no visible surface"),
+            say("environment", self.environment, "the environment shines", "the environment is black"),
+            say("area lights", self.area_lights, "the scene has area lights", "the scene has no area light"),
+            say(
+                "point and directional lights",
+                self.direct_lights,
+                "the scene has such lights",
+                "the scene has no such light",
+            ),
+            say(
+                "light reflected by surfaces",
+                self.reflection,
+                "lit surfaces reflect light",
+                "no lit surface reflects light",
+            ),
+            say(
+                "hair occlusion by projection",
+                self.projected_occlusion,
+                "occlusion.mode is igloo and light arrives from all around",
+                "no hair, no light from around, or another occlusion.mode",
+            ),
+            say(
+                "hair occlusion by rays",
+                self.raytraced_occlusion,
+                "occlusion.mode is raytraced and light arrives from all around",
+                "no hair, no light from around, or another occlusion.mode",
+            ),
+            say(
+                "rays through hair",
+                self.hair_rays,
+                "lights, reflecting surfaces or ray-traced occlusion need them",
+                "nothing needs them",
+            ),
+            say("highlight", self.highlight, "hair has a specular colour", "no hair has a specular colour"),
+            say(
+                "unoccluded layer",
+                self.unoccluded_layer,
+                "output.layers asks for it",
+                "output.layers does not ask for it",
+            ),
+        ]
+    }
+}

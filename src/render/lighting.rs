@@ -1,0 +1,388 @@
+//! Stage 2: the light that a point sends to the eye, L_r = Σ F · Γ̄ · Λ̄ over the faces of an igloo (paper, Eq. 5 discretised).
+//!
+//! The one place where Γ, Λ and F meet.
+
+use std::time::{Duration, Instant};
+
+use glam::{Mat3, Vec3};
+
+use super::RenderError;
+use crate::effects::Effects;
+use crate::embree::Device;
+use crate::hair::{OnStrand, StrandSample};
+use crate::hash::{hash, to_unit};
+use crate::illumination::{Environment, Illumination};
+use crate::occlusion::{
+    ClusterTree, HairRays, Igloo, Receiver, Selection, Span, Transmittance, clusters, frame_around, layer, raytraced,
+};
+use crate::scene::Scene;
+use crate::scene::description::{Occlusion, OcclusionMode, TransmittanceRule};
+use crate::shading::{Highlight, KajiyaKay, Lambert};
+use crate::surface::SurfacePoint;
+
+/// Purpose of the random numbers that place a ray in its face.
+const FACE: u32 = 0x4641_4345;
+/// Purpose of the random numbers of what a ray meets.
+const MET: u32 = 0x4D45_5421;
+
+/// What a face must pass on of a radiance of 1 for its surface to be lit: the faces left out add up to less than half a per cent.
+const WORTH_A_LOOK: f32 = 2e-5;
+
+/// How Γ is found.
+#[derive(Debug)]
+enum Estimator {
+    /// Hair blocks nothing.
+    Free,
+    Projected {
+        tree: ClusterTree,
+        selection: Selection,
+    },
+    Raytraced {
+        rays: u32,
+        residual: f32,
+    },
+}
+
+/// Light of a point, by layer.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lit {
+    /// From point and directional lights.
+    pub direct: Vec3,
+    /// From everywhere else.
+    pub environment: Vec3,
+    /// The same without hair occlusion; zero unless the layer is wanted.
+    pub unoccluded: Vec3,
+    /// What it sends out by itself.
+    pub emission: Vec3,
+    /// Mean of Γ̄ over the igloo.
+    pub occlusion: f32,
+}
+
+/// CPU time of stage 2 by part.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Clock {
+    pub gamma: Duration,
+    pub lambda: Duration,
+    pub direct: Duration,
+}
+
+impl Clock {
+    /// Adds another clock's times.
+    pub fn add(&mut self, other: &Self) {
+        self.gamma += other.gamma;
+        self.lambda += other.lambda;
+        self.direct += other.direct;
+    }
+}
+
+/// Everything that stage 2 needs of a scene.
+#[derive(Debug)]
+pub struct Lighting<'s> {
+    scene: &'s Scene,
+    effects: Effects,
+    light: Illumination,
+    estimator: Estimator,
+    hair_rays: Option<HairRays>,
+    residual: f32,
+    area_samples: u32,
+    /// The igloo of hair: two hemispheres, unturned.
+    sphere: Igloo,
+    centers: Vec<Vec3>,
+    /// The igloo of surfaces: one hemisphere around the normal.
+    hemisphere: Igloo,
+    /// Mean cosine over each of its faces.
+    cosines: Vec<f32>,
+    /// For each hair object its highlight as it is, and as seen through the igloo's faces.
+    highlights: Vec<[Highlight; 2]>,
+}
+
+/// Buffers that one thread keeps from point to point.
+#[derive(Debug, Default)]
+pub struct Workspace {
+    far: Vec<f32>,
+    gamma: Vec<f32>,
+    hits: Vec<Option<SurfacePoint>>,
+    means: Vec<Vec3>,
+    /// The normal around which `means` was computed.
+    means_normal: Vec3,
+    clusters: clusters::Scratch,
+    pub clock: Clock,
+}
+
+impl<'s> Lighting<'s> {
+    /// Builds the structures that the effects call for, and no others.
+    ///
+    /// # Errors
+    /// Embree's own.
+    pub fn new(scene: &'s mut Scene, effects: Effects) -> Result<Self, RenderError> {
+        let device = Device::new()?;
+        let surfaces = std::mem::take(&mut scene.surfaces);
+        let surfaces = effects.surfaces.then(|| surfaces.into_traceable(&device)).transpose()?;
+        let scene = &*scene;
+        let settings = &scene.description().occlusion;
+        let rule = transmittance_rule(scene);
+        let hair_rays = effects.hair_rays.then(|| HairRays::build(&device, &scene.hair, rule)).transpose()?;
+        let faces = settings.faces;
+        let environment = Environment::new(scene.radiance.clone(), scene.to_map, faces);
+        let light = Illumination::new(environment, scene.direct.clone(), scene.area.clone(), surfaces, faces);
+        let sphere = Igloo::new(Span::Sphere, faces);
+        let hemisphere = Igloo::new(Span::Hemisphere, faces);
+        let centers = (0..sphere.len()).map(|face| sphere.center(face)).collect();
+        let cosine = |face| {
+            let ring = &hemisphere.rings()[hemisphere.ring_of_face(face)];
+            // The mean of z over a zone is the mean of its bounds.
+            0.5 * (ring.top + ring.bottom)
+        };
+        let cosines = (0..hemisphere.len()).map(cosine).collect();
+        let width = sphere.face_width();
+        let highlight = |exponent| [Highlight::new(exponent), Highlight::over_faces(exponent, width)];
+        let highlights = scene.hair_objects.iter().map(|object| highlight(object.exponent)).collect();
+        Ok(Self {
+            effects,
+            light,
+            estimator: estimator(scene, settings, rule),
+            hair_rays,
+            residual: settings.residual as f32,
+            area_samples: (scene.description().sampling.area_light_samples as f32).sqrt().ceil() as u32,
+            sphere,
+            centers,
+            hemisphere,
+            cosines,
+            highlights,
+            scene,
+        })
+    }
+
+    /// The scene, its surfaces taken out.
+    pub fn scene(&self) -> &'s Scene {
+        self.scene
+    }
+
+    /// Surfaces, environment and lights.
+    pub fn illumination(&self) -> &Illumination {
+        &self.light
+    }
+
+    /// Light from a point on hair towards the unit direction `view`. `key` names its random numbers.
+    pub fn hair(&self, sample: &StrandSample, object: u16, view: Vec3, key: u32, space: &mut Workspace) -> Lit {
+        let [narrow, broad] = &self.highlights[usize::from(object)];
+        let specular = self.scene.hair_objects[usize::from(object)].specular;
+        let over_faces = KajiyaKay::new(sample.tangent, view, sample.color, specular, broad);
+        let in_directions = over_faces.with_highlight(narrow);
+        let receiver = Receiver { position: sample.position, on: Some(sample.on), frame: Mat3::IDENTITY };
+        let mut lit = Lit { occlusion: 1.0, ..Lit::default() };
+        if self.arrives() {
+            self.look(&receiver, &self.sphere, key, space);
+            self.occlude(&receiver, &self.sphere, key, space);
+            let means = self.light.means();
+            let reflect = |face: usize| over_faces.evaluate(self.centers[face]);
+            self.sum_faces(&self.sphere, means, key, &space.hits, &space.gamma, &mut space.clock, reflect, &mut lit);
+            self.area(&receiver, &self.sphere, key, space, |direction| in_directions.evaluate(direction), &mut lit);
+        }
+        self.direct(sample.position, Some(sample.on), space, |direction| in_directions.evaluate(direction), &mut lit);
+        lit
+    }
+
+    /// Light from a point on a surface. `key` names its random numbers.
+    pub fn surface(&self, point: &SurfacePoint, key: u32, space: &mut Workspace) -> Lit {
+        let lambert = Lambert { albedo: point.albedo };
+        let receiver = Receiver { position: point.leaving(), on: None, frame: frame_around(point.normal) };
+        let mut lit = Lit { emission: point.emission, occlusion: 1.0, ..Lit::default() };
+        if point.albedo == Vec3::ZERO {
+            return lit;
+        }
+        let cosine = |direction: Vec3| lambert.evaluate(direction.dot(point.normal));
+        if self.arrives() {
+            self.look(&receiver, &self.hemisphere, key, space);
+            self.occlude(&receiver, &self.hemisphere, key, space);
+            let begin = Instant::now();
+            // Neighbouring points on a plane share their normal.
+            if space.means.len() != self.hemisphere.len() || space.means_normal != point.normal {
+                let environment = &self.light.environment;
+                environment.turned_averages(&self.hemisphere, &receiver.frame, &mut space.means);
+                space.means_normal = point.normal;
+            }
+            space.clock.lambda += begin.elapsed();
+            let reflect = |face: usize| lambert.evaluate(self.cosines[face]);
+            let Workspace { means, hits, gamma, clock, .. } = space;
+            self.sum_faces(&self.hemisphere, means, key, hits, gamma, clock, reflect, &mut lit);
+            self.area(&receiver, &self.hemisphere, key, space, cosine, &mut lit);
+        }
+        self.direct(receiver.position, None, space, cosine, &mut lit);
+        lit
+    }
+
+    /// Whether any light comes from all around.
+    fn arrives(&self) -> bool {
+        self.effects.environment || self.effects.area_lights || self.effects.reflection
+    }
+
+    /// One ray a face: what it meets is the face's Λ, and ends the hair that counts in its Γ.
+    fn look(&self, receiver: &Receiver, igloo: &Igloo, key: u32, space: &mut Workspace) {
+        let begin = Instant::now();
+        space.far.clear();
+        space.far.resize(igloo.len(), f32::INFINITY);
+        space.hits.clear();
+        if self.effects.surfaces {
+            for face in 0..igloo.len() {
+                let jitter = |axis| to_unit(hash(&[FACE, key, face as u32, axis]));
+                let direction = receiver.frame * igloo.direction(face, jitter(0), jitter(1));
+                let hit = self.light.nearest(receiver.position, direction);
+                if let Some(hit) = &hit {
+                    space.far[face] = hit.distance;
+                }
+                space.hits.push(hit);
+            }
+        }
+        space.clock.lambda += begin.elapsed();
+    }
+
+    /// Γ̄ of each face.
+    fn occlude(&self, receiver: &Receiver, igloo: &Igloo, key: u32, space: &mut Workspace) {
+        let begin = Instant::now();
+        space.gamma.clear();
+        match &self.estimator {
+            Estimator::Free => space.gamma.resize(igloo.len(), 1.0),
+            Estimator::Projected { tree, selection } => {
+                space.gamma.resize(igloo.len(), 0.0);
+                let (far, depth, scratch) = (&space.far, &mut space.gamma, &mut space.clusters);
+                tree.optical_depths(receiver, igloo, *selection, far, depth, &self.scene.hair, scratch);
+                layer::transmittances(depth);
+            }
+            Estimator::Raytraced { rays, residual } => {
+                space.gamma.resize(igloo.len(), 0.0);
+                if let Some(hair) = &self.hair_rays {
+                    let (far, gamma) = (&space.far, &mut space.gamma);
+                    hair.transmittances(&self.scene.hair, receiver, igloo, *rays, *residual, far, key, gamma);
+                }
+            }
+        }
+        space.clock.gamma += begin.elapsed();
+    }
+
+    /// Σ F Γ̄ Λ̄ over the faces: environment where the face's ray met nothing, else the surface that it met.
+    #[expect(clippy::too_many_arguments, reason = "the three factors of one sum, and where it goes")]
+    fn sum_faces(
+        &self,
+        igloo: &Igloo,
+        means: &[Vec3],
+        key: u32,
+        hits: &[Option<SurfacePoint>],
+        gamma: &[f32],
+        clock: &mut Clock,
+        reflect: impl Fn(usize) -> Vec3,
+        lit: &mut Lit,
+    ) {
+        let begin = Instant::now();
+        let solid_angle = igloo.face_solid_angle();
+        let hair = |origin, direction, far| self.through_hair(origin, direction, far, None);
+        for face in 0..igloo.len() {
+            let free = reflect(face) * solid_angle;
+            let weight = free * gamma[face];
+            let radiance = match hits.get(face).and_then(Option::as_ref) {
+                None => means[face],
+                Some(hit) => {
+                    let wanted = if self.effects.unoccluded_layer { free } else { weight };
+                    if wanted.max_element() < WORTH_A_LOOK {
+                        continue;
+                    }
+                    self.light.reflected(hit, hash(&[MET, key, face as u32]), &hair)
+                }
+            };
+            lit.environment += weight * radiance;
+            if self.effects.unoccluded_layer {
+                lit.unoccluded += free * radiance;
+            }
+        }
+        lit.occlusion = gamma.iter().sum::<f32>() / igloo.len() as f32;
+        clock.lambda += begin.elapsed();
+    }
+
+    /// Area lights: their samples go through the Γ̄ of the faces in which they lie.
+    fn area(
+        &self,
+        receiver: &Receiver,
+        igloo: &Igloo,
+        key: u32,
+        space: &mut Workspace,
+        reflect: impl Fn(Vec3) -> Vec3,
+        lit: &mut Lit,
+    ) {
+        if !self.effects.area_lights {
+            return;
+        }
+        let begin = Instant::now();
+        let to_igloo = receiver.frame.transpose();
+        self.light.area_light(receiver.position, self.area_samples, key, |incident| {
+            let local = to_igloo * incident.toward;
+            if igloo.span() == Span::Hemisphere && local.z <= 0.0 {
+                return;
+            }
+            let free = reflect(incident.toward) * incident.irradiance;
+            lit.environment += free * space.gamma[igloo.face_of(local)];
+            lit.unoccluded += free;
+        });
+        space.clock.lambda += begin.elapsed();
+    }
+
+    /// Point and directional lights, through hair by a ray of transmittance each.
+    fn direct(
+        &self,
+        position: Vec3,
+        on: Option<OnStrand>,
+        space: &mut Workspace,
+        reflect: impl Fn(Vec3) -> Vec3,
+        lit: &mut Lit,
+    ) {
+        if !self.effects.direct_lights {
+            return;
+        }
+        let begin = Instant::now();
+        for incident in self.light.direct.iter().filter_map(|light| light.incident(position)) {
+            let reflected = reflect(incident.toward) * incident.irradiance;
+            if reflected != Vec3::ZERO && self.light.sees(position, incident.toward, incident.distance) {
+                lit.direct += reflected * self.through_hair(position, incident.toward, incident.distance, on);
+            }
+        }
+        space.clock.direct += begin.elapsed();
+    }
+
+    /// What hair leaves of the light along a ray.
+    fn through_hair(&self, origin: Vec3, direction: Vec3, far: f32, on: Option<OnStrand>) -> f32 {
+        self.hair_rays.as_ref().map_or(1.0, |hair| {
+            hair.transmittance(&self.scene.hair, &raytraced::Ray { origin, direction, far, on }, self.residual)
+        })
+    }
+}
+
+/// The scene's rule of transmittance, its lengths in render space.
+pub fn transmittance_rule(scene: &Scene) -> Transmittance {
+    let settings = &scene.description().occlusion;
+    match settings.transmittance {
+        TransmittanceRule::Crossing => Transmittance::Crossing,
+        TransmittanceRule::SegmentLength => {
+            Transmittance::SegmentLength { unit: scene.space.length(settings.unit_length) as f32 }
+        }
+    }
+}
+
+fn estimator(scene: &Scene, settings: &Occlusion, rule: Transmittance) -> Estimator {
+    if scene.hair.is_empty() {
+        return Estimator::Free;
+    }
+    match settings.mode {
+        OcclusionMode::None => Estimator::Free,
+        OcclusionMode::Raytraced => Estimator::Raytraced { rays: settings.rays, residual: settings.residual as f32 },
+        OcclusionMode::Igloo => {
+            let selection = match &settings.thinning {
+                Some(thinning) => Selection::Thinned {
+                    fraction: thinning.fraction as f32,
+                    distance_unit: thinning.distance_unit.map_or(f32::INFINITY, |d| scene.space.length(d) as f32),
+                },
+                None if settings.opening == 0.0 => Selection::All,
+                None => Selection::Clusters { opening: settings.opening as f32 },
+            };
+            Estimator::Projected { tree: ClusterTree::build(&scene.hair, rule), selection }
+        }
+    }
+}

@@ -1,0 +1,300 @@
+//! One tile of the picture: its fragments, their shading points in spatial order, and the pixels that they make.
+
+use std::time::{Duration, Instant};
+
+use glam::Vec3;
+
+use super::film::{EMPTY_DEPTH, Pixel};
+use super::lighting::{Lighting, Lit, Workspace};
+use super::progress::Progress;
+use super::statistics::NonFinite;
+use crate::camera::Camera;
+use crate::fragment::{
+    HairFragment, HairSegment, MIN_WEIGHT, PixelLayers, PixelRect, Rank, Shaded, SurfaceHit, SurfacePixel, scan_convert,
+};
+use crate::hair::StrandSample;
+use crate::hash::hash;
+use crate::occlusion::Transmittance;
+use crate::scene::Scene;
+use crate::surface::{SurfacePoint, Surfaces};
+
+/// Purposes of random numbers.
+const HAIR_POINT: u32 = 0x4841_4952;
+const SURFACE_POINT: u32 = 0x5355_5246;
+
+/// What all tiles of a picture share.
+pub(super) struct Frame<'a> {
+    pub scene: &'a Scene,
+    pub lighting: &'a Lighting<'a>,
+    pub rule: Transmittance,
+    /// Layers a pixel that are shaded.
+    pub layers: usize,
+    pub rank: Rank,
+    /// Surface samples along a pixel's side.
+    pub per_side: u32,
+    pub seed: u32,
+    /// Whether the environment is seen behind everything.
+    pub background: bool,
+}
+
+/// Buffers that one thread keeps from tile to tile.
+#[derive(Default)]
+pub(super) struct TileSpace {
+    fragments: Vec<(u32, HairFragment)>,
+    hair: Vec<HairFragment>,
+    surfaces: SurfacePixel,
+    met: Vec<SurfacePoint>,
+    layers: PixelLayers,
+    shaded: Vec<Shaded>,
+    points: Vec<Point>,
+    order: Vec<(u32, u32)>,
+    workspace: Workspace,
+}
+
+/// A point to be shaded, and what it counts in its pixel.
+struct Point {
+    /// Index of the pixel in the tile.
+    pixel: u32,
+    weight: f32,
+    depth: f32,
+    what: What,
+}
+
+enum What {
+    Hair { segment: u32, sample: StrandSample },
+    Surface(SurfacePoint),
+}
+
+/// A finished tile.
+#[derive(Default)]
+pub(super) struct Tile {
+    pub pixels: Vec<Pixel>,
+    pub fragments: u64,
+    pub hair_points: u64,
+    pub surface_points: u64,
+    pub fragment_time: Duration,
+    pub clock: super::lighting::Clock,
+    pub non_finite: Vec<NonFinite>,
+}
+
+impl Frame<'_> {
+    fn camera(&self) -> &Camera {
+        &self.scene.camera
+    }
+
+    /// A hair segment in camera space.
+    pub fn segment(&self, index: u32) -> HairSegment {
+        let hair = &self.scene.hair;
+        let ends = hair.ends(index as usize).map(|end| self.camera().to_camera(end));
+        HairSegment { ends, widths: hair.widths(index as usize), index }
+    }
+
+    /// Renders the pixels of `rect`; `segments` are those that may touch it. `None` if the work was cancelled.
+    pub fn render(
+        &self,
+        rect: &PixelRect,
+        segments: &[u32],
+        space: &mut TileSpace,
+        progress: &dyn Progress,
+    ) -> Option<Tile> {
+        let begin = Instant::now();
+        let mut tile = Tile::default();
+        self.collect_points(rect, segments, space, &mut tile);
+        tile.fragment_time = begin.elapsed();
+        space.workspace.clock = super::lighting::Clock::default();
+        let mut lit = vec![Lit::default(); space.points.len()];
+        space.order.clear();
+        space.order.extend(space.points.iter().enumerate().map(|(i, point)| (morton(point.position()), i as u32)));
+        space.order.sort_unstable();
+        for &(_, index) in &space.order {
+            if progress.cancelled() {
+                return None;
+            }
+            let point = &space.points[index as usize];
+            lit[index as usize] = self.light(rect, point, &mut space.workspace);
+        }
+        tile.clock = space.workspace.clock;
+        self.sum_up(rect, &space.points, &lit, &mut tile);
+        Some(tile)
+    }
+
+    /// Stage 1: the points of all pixels, and the pixels' alpha and background.
+    fn collect_points(&self, rect: &PixelRect, segments: &[u32], space: &mut TileSpace, tile: &mut Tile) {
+        let width = rect.max[0] - rect.min[0];
+        let projection = self.camera().projection();
+        space.fragments.clear();
+        space.points.clear();
+        for &segment in segments {
+            scan_convert(&self.segment(segment), &projection, rect, |x, y, fragment| {
+                space.fragments.push(((y - rect.min[1]) * width + x - rect.min[0], fragment));
+            });
+        }
+        // Stable: the fragments of a pixel stay in the order of their segments.
+        space.fragments.sort_by_key(|(pixel, _)| *pixel);
+        tile.fragments = space.fragments.len() as u64;
+        let mut next = 0;
+        for index in 0..width * (rect.max[1] - rect.min[1]) {
+            let end = next + space.fragments[next..].partition_point(|(pixel, _)| *pixel == index);
+            space.hair.clear();
+            space.hair.extend(space.fragments[next..end].iter().map(|(_, fragment)| *fragment));
+            next = end;
+            tile.pixels.push(self.collect_pixel(
+                index,
+                [rect.min[0] + index % width, rect.min[1] + index / width],
+                space,
+            ));
+        }
+    }
+
+    fn collect_pixel(&self, index: u32, pixel: [u32; 2], space: &mut TileSpace) -> Pixel {
+        let TileSpace { hair, surfaces, met, layers, shaded, points, .. } = space;
+        surfaces.samples.clear();
+        surfaces.groups.clear();
+        if let Some(scene) = &self.lighting.illumination().surfaces {
+            met.clear();
+            let hit = |origin, direction| self.camera_ray(scene, origin, direction, met);
+            surfaces.gather(self.camera(), pixel, self.per_side, self.seed, hit);
+        }
+        let transparency = |fragment: &HairFragment| self.transparency(fragment);
+        layers.composite(hair, transparency, &surfaces.samples, surfaces.groups.len());
+        layers.select(self.layers, self.rank, MIN_WEIGHT, shaded);
+        for chosen in shaded.iter() {
+            let fragment = &hair[chosen.fragment as usize];
+            let sample = self.scene.hair.sample(fragment.segment as usize, fragment.u);
+            let what = What::Hair { segment: fragment.segment, sample };
+            points.push(Point { pixel: index, weight: chosen.weight as f32, depth: fragment.depth, what });
+        }
+        for (group, &weight) in surfaces.groups.iter().zip(&layers.group_weights).filter(|(_, weight)| **weight > 0.0) {
+            let what = What::Surface(met[group.hit.index as usize]);
+            points.push(Point { pixel: index, weight: weight as f32, depth: group.hit.depth, what });
+        }
+        let beauty = if self.background && layers.background() > 0.0 {
+            let (_, direction) = self.camera().ray(f64::from(pixel[0]) + 0.5, f64::from(pixel[1]) + 0.5);
+            self.lighting.illumination().environment.radiance(direction) * layers.background() as f32
+        } else {
+            Vec3::ZERO
+        };
+        Pixel { alpha: layers.alpha as f32, beauty, ..Pixel::default() }
+    }
+
+    /// The first surface behind the near plane along a camera ray.
+    fn camera_ray(
+        &self,
+        surfaces: &Surfaces,
+        origin: Vec3,
+        direction: Vec3,
+        met: &mut Vec<SurfacePoint>,
+    ) -> Option<SurfaceHit> {
+        let slope = direction.dot(self.camera().forward().as_vec3());
+        let hit = surfaces.closest(origin, direction, self.camera().near() as f32 / slope, f32::INFINITY)?;
+        met.push(hit);
+        Some(SurfaceHit {
+            depth: hit.distance * slope,
+            group: hit.finish,
+            index: met.len() as u32 - 1,
+            position: hit.position,
+            normal: hit.normal,
+        })
+    }
+
+    /// t of Eq. 7: one crossing's transmittance, or the power law of the length that is visible in the pixel.
+    fn transparency(&self, fragment: &HairFragment) -> f32 {
+        let segment = fragment.segment as usize;
+        let [a, b] = self.scene.hair.ends(segment);
+        1.0 - self.rule.opacity(self.scene.hair.transparency[segment], fragment.span * a.distance(b))
+    }
+
+    fn light(&self, rect: &PixelRect, point: &Point, space: &mut Workspace) -> Lit {
+        let [x, y] = point.place(rect);
+        let position = point.position();
+        let view = (self.camera().position().as_vec3() - position).normalize_or(Vec3::Z);
+        match &point.what {
+            What::Hair { segment, sample } => {
+                let key = hash(&[HAIR_POINT, self.seed, x, y, *segment]);
+                let object = self.scene.hair.object[sample.on.strand as usize];
+                self.lighting.hair(sample, object, view, key, space)
+            }
+            What::Surface(hit) => {
+                let key = hash(&[SURFACE_POINT, self.seed, x, y, hit.triangle]);
+                self.lighting.surface(hit, key, space)
+            }
+        }
+    }
+
+    /// Adds the points up in their own order, whatever the order in which they were lit.
+    fn sum_up(&self, rect: &PixelRect, points: &[Point], lit: &[Lit], tile: &mut Tile) {
+        let mut seen = vec![0.0_f32; tile.pixels.len()];
+        for (point, lit) in points.iter().zip(lit) {
+            match point.what {
+                What::Hair { .. } => tile.hair_points += 1,
+                What::Surface(_) => tile.surface_points += 1,
+            }
+            if !lit.is_finite() {
+                tile.non_finite.push(NonFinite { pixel: point.place(rect), what: point.name() });
+                continue;
+            }
+            let pixel = &mut tile.pixels[point.pixel as usize];
+            let weight = point.weight;
+            seen[point.pixel as usize] += weight;
+            pixel.direct += weight * lit.direct;
+            pixel.environment += weight * lit.environment;
+            pixel.unoccluded += weight * lit.unoccluded;
+            pixel.beauty += weight * (lit.direct + lit.environment + lit.emission);
+            pixel.occlusion += weight * lit.occlusion;
+            pixel.depth += weight * point.depth;
+            match &point.what {
+                What::Hair { sample, .. } => pixel.tangent += weight * sample.tangent,
+                What::Surface(hit) => pixel.normal += weight * hit.normal,
+            }
+        }
+        let scene_unit = self.scene.space.scene_length(1.0) as f32;
+        for (pixel, seen) in tile.pixels.iter_mut().zip(seen) {
+            let anything = seen > 0.0;
+            pixel.occlusion = if anything { pixel.occlusion / seen } else { 1.0 };
+            pixel.depth = if anything { pixel.depth / seen * scene_unit } else { EMPTY_DEPTH };
+            pixel.normal = pixel.normal.normalize_or_zero();
+            pixel.tangent = pixel.tangent.normalize_or_zero();
+        }
+    }
+}
+
+impl Point {
+    fn position(&self) -> Vec3 {
+        match &self.what {
+            What::Hair { sample, .. } => sample.position,
+            What::Surface(hit) => hit.position,
+        }
+    }
+
+    /// Column and row in the whole picture.
+    fn place(&self, rect: &PixelRect) -> [u32; 2] {
+        let width = rect.max[0] - rect.min[0];
+        [rect.min[0] + self.pixel % width, rect.min[1] + self.pixel / width]
+    }
+
+    fn name(&self) -> String {
+        match &self.what {
+            What::Hair { segment, sample } => format!("strand {}, segment {segment}", sample.on.strand),
+            What::Surface(hit) => format!("triangle {}", hit.triangle),
+        }
+    }
+}
+
+impl Lit {
+    fn is_finite(&self) -> bool {
+        let vectors = [self.direct, self.environment, self.unoccluded, self.emission];
+        vectors.iter().all(|v| v.is_finite()) && self.occlusion.is_finite()
+    }
+}
+
+/// Place on a Z-order curve through the cube from -2 to 2, ten bits an axis: points in its order share their way through trees.
+fn morton(position: Vec3) -> u32 {
+    let spread = |x: f32| {
+        let mut bits = ((x + 2.0) * 256.0).clamp(0.0, 1023.0) as u32;
+        bits = (bits | (bits << 16)) & 0x0300_00FF;
+        bits = (bits | (bits << 8)) & 0x0300_F00F;
+        bits = (bits | (bits << 4)) & 0x030C_30C3;
+        (bits | (bits << 2)) & 0x0924_9249
+    };
+    spread(position.x) | (spread(position.y) << 1) | (spread(position.z) << 2)
+}
