@@ -41,7 +41,7 @@ fn measure(place: &str, tree: &ClusterTree, rays: &HairRays, model: &HairModel, 
     let truth = traced(rays, model, &checked, 20_000);
     for faces in [25, 50, 100, 200, 400] {
         let all = (faces == 100).then(|| projected(tree, model, &checked, faces, Selection::All));
-        for opening in [0.6, 0.9, 1.2, 1.6] {
+        for opening in [0.3, 0.45, 0.6, 0.8] {
             let selection = Selection::Clusters { opening };
             let value = projected(tree, model, &checked, faces, selection);
             let time = time(tree, model, receivers, faces, selection);

@@ -97,7 +97,7 @@ impl ClusterTree {
             return;
         }
         let Some(parts) = igloo.parts() else {
-            Walk::new(self, receiver, igloo, selection, far, depth, model).run(scratch);
+            Walk::new(self, receiver, igloo, igloo.face_width(), selection, far, depth, model).run(scratch);
             return;
         };
         let (mut part_depth, mut part_far) = (std::mem::take(&mut scratch.depth), std::mem::take(&mut scratch.far));
@@ -105,7 +105,8 @@ impl ClusterTree {
         part_depth.resize(parts.igloo.len(), 0.0);
         part_far.clear();
         part_far.extend(parts.face.iter().map(|&face| far[face as usize]));
-        Walk::new(self, receiver, &parts.igloo, selection, &part_far, &mut part_depth, model).run(scratch);
+        Walk::new(self, receiver, &parts.igloo, igloo.face_width(), selection, &part_far, &mut part_depth, model)
+            .run(scratch);
         exponentials(&mut part_depth);
         let sums = &mut part_far;
         sums.clear();

@@ -59,13 +59,15 @@ pub struct Parts {
 
 const TABLE: usize = 1024;
 
-/// A face is cut in this many parts, squared.
-const CUTS: u32 = 2;
+/// A face is cut in this many parts, squared. From a surface, hair is often seen from outside, with an outline: more parts, and cheap.
+const SPHERE_CUTS: u32 = 2;
+const HEMISPHERE_CUTS: u32 = 3;
 
 impl Igloo {
     /// An igloo with `per_hemisphere` faces on each hemisphere that it covers (at least 1). It holds tables: make it once for many points.
     pub fn new(span: Span, per_hemisphere: u32) -> Self {
-        Self::with_cuts(span, per_hemisphere, CUTS)
+        let cuts = if span == Span::Sphere { SPHERE_CUTS } else { HEMISPHERE_CUTS };
+        Self::with_cuts(span, per_hemisphere, cuts)
     }
 
     /// The same with each face cut in `cuts` x `cuts` parts for Γ.

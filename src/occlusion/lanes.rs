@@ -17,8 +17,8 @@ pub type Lanes = [f32; LANES];
 /// Coordinate of lanes that hold nothing: far away from everything, and its square is finite.
 pub const NOWHERE: f32 = 1e15;
 
-/// The share of a face that a far segment covers at most: the series of the logarithm is good to 1e-6 up to here.
-const LARGEST_FAR_COVERAGE: f32 = 0.5;
+/// Mean length of the chords of a square of side 1 under random lines.
+const MEAN_CHORD: f32 = std::f32::consts::FRAC_PI_4;
 
 /// Sixteen clusters, each standing for one child.
 #[derive(Clone, Debug)]
@@ -68,6 +68,8 @@ pub struct View {
     slice2: f32,
     /// 1 / solid angle of a face.
     face_weight: f32,
+    /// Share of a face that a strand of angular width 1 covers where it crosses the face.
+    crossing: f32,
     /// Half the side of the look-up table, and its last row and column.
     half_side: f32,
     last: f32,
@@ -75,6 +77,15 @@ pub struct View {
     /// Height below which nothing counts: 0 for a hemisphere.
     horizon: f32,
     wide: bool,
+}
+
+/// A segment by itself, relative to the viewer, in render space's axes.
+#[derive(Clone, Copy, Debug)]
+pub struct Thread {
+    pub a: Vec3,
+    pub along: Vec3,
+    pub widths: [f32; 2],
+    pub opacity: f32,
 }
 
 /// What the lanes of a node or block give.
@@ -99,6 +110,7 @@ impl View {
             limit,
             slice2: (SLICE_WIDTH * igloo.face_width()).powi(2),
             face_weight: 1.0 / igloo.face_solid_angle(),
+            crossing: MEAN_CHORD / igloo.face_width(),
             half_side: 0.5 * side as f32,
             last: (side - 1) as f32,
             side: side as u32,
@@ -133,6 +145,25 @@ impl View {
             return unsafe { block_avx2(self, block) };
         }
         block_lanes(self, block)
+    }
+
+    /// Projects a segment as sixteen, where each sixteenth is far and narrow.
+    #[inline]
+    pub fn segment(&self, thread: &Thread) -> Option<Far> {
+        let Thread { a, along, widths, .. } = *thread;
+        let length2 = along.length_squared();
+        let nearest2 = (a + along * (-a.dot(along) / length2).clamp(0.0, 1.0)).length_squared();
+        let width = widths[0].max(widths[1]);
+        let far = length2 * (0.25 / (LANES * LANES) as f32) < self.limit * nearest2;
+        if !far || width * width >= self.slice2 * nearest2 {
+            return None;
+        }
+        #[cfg(target_arch = "x86_64")]
+        if self.wide {
+            // SAFETY: `wide` is true only where the processor has AVX2.
+            return Some(unsafe { segment_avx2(self, thread) });
+        }
+        Some(segment_lanes(self, thread))
     }
 
     /// Cells of the look-up table for directions of any length; what is below the horizon loses its depth.
@@ -187,6 +218,12 @@ fn block_avx2(view: &View, block: &Block) -> Far {
     block_lanes(view, block)
 }
 
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn segment_avx2(view: &View, thread: &Thread) -> Far {
+    segment_lanes(view, thread)
+}
+
 #[inline(always)]
 fn node_lanes(view: &View, node: &Node) -> Far {
     let mut toward = [[0.0; LANES]; 3];
@@ -232,15 +269,12 @@ fn block_lanes(view: &View, block: &Block) -> Far {
         let length2 = u * u + v * v + w * w;
         let [p, q, r] = [v * z - w * y, w * x - u * z, u * y - v * x];
         let width = 0.5 * (block.widths[0][lane] + block.widths[1][lane]);
-        let solid_angle = width * (p * p + q * q + r * r).sqrt() / (d2 * d2.sqrt());
-        let covered = solid_angle * view.face_weight * block.opacity[lane];
-        let far =
-            (0.25 * length2 < view.limit * d2) & (width * width < view.slice2 * d2) & (covered < LARGEST_FAR_COVERAGE);
-        // -ln(1 - x) = 2 artanh(x / (2 - x)).
-        let k = covered / (2.0 - covered);
-        let k2 = k * k;
-        let series = 1.0 + k2 * (1.0 / 3.0 + k2 * (1.0 / 5.0 + k2 * (1.0 / 7.0 + k2 * (1.0 / 9.0))));
-        depth[lane] = if far { 2.0 * k * series } else { 0.0 };
+        let distance = d2.sqrt();
+        let solid_angle = width * (p * p + q * q + r * r).sqrt() / (d2 * distance);
+        let far = (0.25 * length2 < view.limit * d2) & (width * width < view.slice2 * d2);
+        let opacity = block.opacity[lane];
+        let saturation = saturation(opacity * view.crossing * width / distance);
+        depth[lane] = if far { solid_angle * view.face_weight * opacity * saturation } else { 0.0 };
         distance2[lane] = d2;
         near[lane] = u32::from(!far);
         toward[0][lane] = x;
@@ -250,6 +284,42 @@ fn block_lanes(view: &View, block: &Block) -> Far {
     Far { cell: view.cells(&toward, &mut depth), depth, distance2, near: mask(&near) }
 }
 
+/// -ln(1 - x) / x for x up to 1/2, to 1e-6.
+///
+/// A segment's layer is not alone in its face: the strand goes on. With x the share that the strand takes where it crosses the
+/// face, and a segment's optical depth in proportion to its length, it does not matter how finely the strand is cut.
+#[inline(always)]
+fn saturation(x: f32) -> f32 {
+    // -ln(1 - x) = 2 artanh(x / (2 - x)).
+    let k = x / (2.0 - x);
+    let k2 = k * k;
+    2.0 / (2.0 - x) * (1.0 + k2 * (1.0 / 3.0 + k2 * (1.0 / 5.0 + k2 * (1.0 / 7.0 + k2 * (1.0 / 9.0)))))
+}
+
+#[inline(always)]
+fn segment_lanes(view: &View, thread: &Thread) -> Far {
+    let Thread { a, along, widths, opacity } = *thread;
+    let mut toward = [[0.0; LANES]; 3];
+    let mut depth = [0.0; LANES];
+    let mut distance2 = [0.0; LANES];
+    // Twice the area between the viewer and a sixteenth of the segment, wherever that lies.
+    let area = along.cross(a).length() * (1.0 / LANES as f32);
+    for lane in 0..LANES {
+        let s = (lane as f32 + 0.5) * (1.0 / LANES as f32);
+        let [x, y, z] = [a.x + s * along.x, a.y + s * along.y, a.z + s * along.z];
+        let d2 = x * x + y * y + z * z;
+        let distance = d2.sqrt();
+        let width = widths[0] + (widths[1] - widths[0]) * s;
+        let saturation = saturation(opacity * view.crossing * width / distance);
+        depth[lane] = width * area / (d2 * distance) * view.face_weight * opacity * saturation;
+        distance2[lane] = d2;
+        toward[0][lane] = x;
+        toward[1][lane] = y;
+        toward[2][lane] = z;
+    }
+    Far { cell: view.cells(&toward, &mut depth), depth, distance2, near: 0 }
+}
+
 #[inline(always)]
 fn mask(near: &[u32; LANES]) -> u32 {
     let mut bits = 0;
@@ -257,6 +327,32 @@ fn mask(near: &[u32; LANES]) -> u32 {
         bits |= near[lane] << lane;
     }
     bits
+}
+
+/// The bits that are set, lowest first.
+#[inline]
+pub fn bits(mut mask: u32) -> impl Iterator<Item = u32> {
+    std::iter::from_fn(move || {
+        let bit = (mask != 0).then(|| mask.trailing_zeros());
+        mask &= mask.wrapping_sub(1);
+        bit
+    })
+}
+
+/// Asks for what will be read soon: a walk through a large tree mostly waits for memory.
+#[inline]
+pub fn prefetch<T>(wanted: &T) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let start = std::ptr::from_ref(wanted).cast::<i8>();
+        for offset in (0..size_of::<T>()).step_by(64) {
+            // SAFETY: the address lies inside `wanted`, and a prefetch reads nothing that the program could see.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(start.add(offset)) };
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = wanted;
 }
 
 /// exp(-x) of each depth, in place, with a relative error below 1e-5; exactly 0 from x = 87 on.
@@ -338,7 +434,13 @@ mod tests {
             let position = Vec3::from_array(std::array::from_fn(|i| lanes(key, -1.0, 1.0)[i]));
             let view = View::new(position, frame_around(position.normalize()), &igloo, 0.05);
             assert_eq!(view.node(&node(key)), view.narrow().node(&node(key)));
-            assert_eq!(view.block(&block(key)), view.narrow().block(&block(key)));
+            let block = block(key);
+            assert_eq!(view.block(&block), view.narrow().block(&block));
+            for lane in 0..LANES {
+                let [a, b] = block.ends(lane).map(|end| end - position);
+                let thread = Thread { a, along: b - a, widths: [0.001, 0.002], opacity: block.opacity[lane] };
+                assert_eq!(view.segment(&thread), view.narrow().segment(&thread));
+            }
         }
         let mut wide: Vec<f32> = (0..10_000).map(|i| 0.01 * i as f32).collect();
         let mut baseline = wide.clone();
@@ -378,6 +480,35 @@ mod tests {
             }
         }
         assert!(far_lanes > 1000 && same_face * 100 > far_lanes * 80, "{same_face} of {far_lanes}");
+    }
+
+    #[test]
+    fn a_segment_in_sixteenths_is_the_closed_form() {
+        let igloo = Igloo::new(Span::Sphere, 100);
+        let view = View::new(Vec3::ZERO, Mat3::IDENTITY, &igloo, 0.01);
+        let mut tried = 0;
+        for key in 0..300 {
+            let [a, along] = [key, key + 1000].map(|key| Vec3::from_slice(&lanes(key, -1.0, 1.0)[..3]));
+            let thread = Thread { a, along, widths: [1e-4; 2], opacity: 1.0 };
+            let Some(far) = view.segment(&thread).filter(|_| a.length() > 0.3) else { continue };
+            let (a, b) = (a.as_dvec3(), (a + along).as_dvec3());
+            let u = (b - a).normalize();
+            let h = (a - u * a.dot(u)).length();
+            let want = 1e-4 / h * (b.dot(u) / b.length() - a.dot(u) / a.length()) / f64::from(igloo.face_solid_angle());
+            let sum: f64 = far.depth.iter().map(|&depth| f64::from(depth)).sum();
+            assert!((sum / want - 1.0).abs() < 0.02, "{thread:?}: {sum} against {want}");
+            tried += 1;
+        }
+        assert!(tried > 100, "{tried}");
+    }
+
+    #[test]
+    fn saturation_is_the_logarithm() {
+        for i in 1..500 {
+            let x = 0.001 * i as f32;
+            let want = -(1.0 - f64::from(x)).ln() / f64::from(x);
+            assert!((f64::from(saturation(x)) / want - 1.0).abs() < 2e-6, "{x}");
+        }
     }
 
     #[test]

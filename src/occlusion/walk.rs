@@ -3,7 +3,7 @@
 use super::Receiver;
 use super::clusters::{ClusterTree, Scratch, Selection};
 use super::igloo::Igloo;
-use super::lanes::{Block, Far, LANES, Node, View};
+use super::lanes::{Block, Far, LANES, Node, Thread, View, bits, prefetch};
 use super::layer::{Transmittance, optical_depth};
 use super::projection::{Piece, SLICE_WIDTH, Segment, project};
 use crate::hair::HairModel;
@@ -23,11 +23,12 @@ pub struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    /// `depth` is added to. The igloo's parts are not looked at.
+    /// `depth` is added to; lumps are opened by `width`, the face width that is asked for, of which `igloo` may hold a finer cut.
     pub fn new(
         tree: &'a ClusterTree,
         receiver: &'a Receiver,
         igloo: &'a Igloo,
+        width: f32,
         selection: Selection,
         far: &'a [f32],
         depth: &'a mut [f32],
@@ -35,7 +36,7 @@ impl<'a> Walk<'a> {
     ) -> Self {
         let limit = match selection {
             // Half a radian at most: nearer than twice its radius no cluster is a lump.
-            Selection::Clusters { opening } => (opening * igloo.face_width()).min(0.5).powi(2),
+            Selection::Clusters { opening } => (opening * width).min(0.5).powi(2),
             _ => 0.0,
         };
         let view = View::new(receiver.position, receiver.frame, igloo, limit);
@@ -53,11 +54,15 @@ impl<'a> Walk<'a> {
         while let Some((level, index)) = stack.pop() {
             let node = &tree.levels[level as usize][index as usize];
             let far = self.view.node(node);
+            for lane in bits(far.near) {
+                if level == 0 {
+                    prefetch(&tree.blocks[(index * LANES as u32 + lane) as usize]);
+                } else {
+                    prefetch(&tree.levels[level as usize - 1][(index * LANES as u32 + lane) as usize]);
+                }
+            }
             self.give(&far);
-            let mut near = far.near;
-            while near != 0 {
-                let lane = near.trailing_zeros();
-                near &= near - 1;
+            for lane in bits(far.near) {
                 if self.passes_by(node, lane as usize, far.distance2[lane as usize]) {
                     continue;
                 }
@@ -98,10 +103,8 @@ impl<'a> Walk<'a> {
         if !matches!(self.selection, Selection::Thinned { .. }) {
             self.give(&far);
         }
-        let mut near = far.near;
-        while near != 0 {
-            let lane = near.trailing_zeros() as usize;
-            near &= near - 1;
+        for lane in bits(far.near) {
+            let lane = lane as usize;
             if block.segment[lane] == u32::MAX {
                 break;
             }
@@ -129,6 +132,13 @@ impl<'a> Walk<'a> {
             if self.model.strand[segment] == on.strand {
                 let p = self.model.segment_point[segment] as usize;
                 parts = outside(on.excluded(), [self.model.arc[p], self.model.arc[p + 1]]);
+            }
+        }
+        if parts[0] == Some(whole) {
+            let thread = Thread { a, along: b - a, widths, opacity: weight * block.opacity[lane] };
+            if let Some(far) = self.view.segment(&thread) {
+                self.give(&far);
+                return;
             }
         }
         for [from, to] in parts.into_iter().flatten() {
