@@ -327,11 +327,7 @@ fn segment_lanes(view: &View, thread: &Thread) -> Far {
 
 #[inline(always)]
 fn mask(near: &[u32; LANES]) -> u32 {
-    let mut bits = 0;
-    for lane in 0..LANES {
-        bits |= near[lane] << lane;
-    }
-    bits
+    near.iter().enumerate().fold(0, |bits, (lane, near)| bits | near << lane)
 }
 
 /// The bits that are set, lowest first.

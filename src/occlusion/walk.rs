@@ -24,6 +24,7 @@ pub struct Walk<'a> {
 
 impl<'a> Walk<'a> {
     /// `depth` is added to; lumps are opened by `width`, the face width that is asked for, of which `igloo` may hold a finer cut.
+    #[expect(clippy::too_many_arguments, reason = "one query in full: where, over what, how finely")]
     pub fn new(
         tree: &'a ClusterTree,
         receiver: &'a Receiver,
