@@ -136,7 +136,7 @@ fn render_frame(
     }
     statistics.stage("writing", begin.elapsed());
     if !verbosity.quiet {
-        summary::lines(&statistics, &outputs).iter().for_each(|line| progress.message(line));
+        summary::lines(&statistics, &outputs, verbosity.verbose > 0).iter().for_each(|line| progress.message(line));
     }
     Ok(statistics)
 }

@@ -4,10 +4,15 @@ use std::path::PathBuf;
 
 use crate::render::Statistics;
 
-/// What was done, what it took, and where it went: a line each.
-pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf]) -> Vec<String> {
+/// What was done, what it took, and where it went: a line each. With `effects`, also which effects the scene called for.
+pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf], effects: bool) -> Vec<String> {
     let s = statistics;
-    let mut lines = vec![
+    let mut lines = Vec::new();
+    if effects {
+        let state = |on| if on { "on " } else { "off" };
+        lines.extend(s.effects.iter().map(|e| format!("effect {}: {}: {}", state(e.on), e.name, e.reason)));
+    }
+    lines.extend([
         format!(
             "shaded {} points on hair and {} on surfaces, from {} fragments of {} segments; {} triangles",
             grouped(s.hair_points),
@@ -31,7 +36,7 @@ pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf]) -> Vec<String>
             "rendering, CPU time: fragments {:.2} s, hair occlusion {:.2} s, arriving light {:.2} s, point and directional lights {:.2} s",
             s.cpu_seconds.fragments, s.cpu_seconds.gamma, s.cpu_seconds.lambda, s.cpu_seconds.direct
         ),
-    ];
+    ]);
     if s.non_finite > 0 {
         lines.push(format!(
             "warning: {} shading points gave values that are not finite and were replaced by their neighbours' mean:",
@@ -49,7 +54,7 @@ fn grouped(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();
     for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i) % 3 == 0 {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
             text.push(',');
         }
         text.push(digit);

@@ -6,9 +6,12 @@
 
 pub mod clusters;
 pub mod igloo;
+mod lanes;
 pub mod layer;
+pub mod lookup;
 pub mod projection;
 pub mod raytraced;
+mod walk;
 
 use glam::{Mat3, Vec3};
 

@@ -97,6 +97,9 @@ impl Frame<'_> {
         space: &mut TileSpace,
         progress: &dyn Progress,
     ) -> Option<Tile> {
+        if progress.cancelled() {
+            return None;
+        }
         let begin = Instant::now();
         let mut tile = Tile::default();
         self.collect_points(rect, segments, space, &mut tile);

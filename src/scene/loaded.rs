@@ -166,11 +166,11 @@ impl Loader<'_> {
             loaded.mesh
         } else if let Some(sphere) = &surface.sphere {
             // Made at the origin and moved in f64: far away, f32 would not hold it.
-            map = map * DAffine3::from_translation(DVec3::from(sphere.center));
+            map *= DAffine3::from_translation(DVec3::from(sphere.center));
             primitives::sphere(DVec3::ZERO, sphere.radius)
         } else if let Some(plane) = &surface.plane {
             let normal = plane.normal.map_or(up_axis(self.description().up), DVec3::from);
-            map = map * DAffine3::from_translation(DVec3::from(plane.center));
+            map *= DAffine3::from_translation(DVec3::from(plane.center));
             primitives::plane(DVec3::ZERO, normal, plane.size)
         } else {
             return Err(self.error(&key, "it has none of file, sphere and plane; give one"));
@@ -194,7 +194,14 @@ impl Loader<'_> {
                 continue;
             };
             let path = self.document.resolve(file);
-            let options = formats::Options { thickness_is: object.thickness_is };
+            let options = formats::Options {
+                thickness_is: object.thickness_is,
+                replaced: formats::Has {
+                    width: object.width.is_some(),
+                    color: object.color.is_some(),
+                    transparency: object.transparency.is_some(),
+                },
+            };
             let loaded = formats::read(&path, object.format, &options)
                 .map_err(|e| self.error(&format!("hair[{index}].file"), e))?;
             self.notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", path.display())));

@@ -126,7 +126,7 @@ fn schema_faults_are_named_with_line_and_column() {
         ("fov = 3", "scene.toml:1:1: unknown key \"fov\" at the top level; did you mean camera.fov?"),
         (
             "[sampling]\nbanana = 3",
-            "scene.toml:2:1: unknown key \"banana\" in sampling; known keys: area_light_samples, layers, seed, surface_samples",
+            "scene.toml:2:1: unknown key \"banana\" in sampling; known keys: area_light_samples, layer_choice, layers, seed, surface_samples",
         ),
         (
             "[camera]\n\nfov = 500",

@@ -8,6 +8,7 @@ use glam::DVec3;
 use super::check::{Finding, MAX_FINDINGS};
 use super::description::*;
 use super::document::MAX_PROBLEMS;
+use super::frame;
 use super::keypath::{KeyPath, clip};
 use super::schema::nearest;
 use super::spans::Spans;
@@ -99,6 +100,10 @@ impl Validator<'_> {
 
     fn file(&mut self, path: &KeyPath, file: &Option<PathBuf>) {
         let Some(file) = file else { return };
+        if frame::is_numbered(file) {
+            // Which file that is depends on the frame.
+            return;
+        }
         let whole = self.base_dir.join(file);
         match std::fs::metadata(&whole) {
             _ if file.as_os_str().is_empty() => self.error(path, format!("{path} is empty; give the path of a file")),

@@ -1,6 +1,8 @@
 //! Shared by the tests that render whole scenes.
 #![allow(dead_code, reason = "each test file uses a part")]
 
+pub mod models;
+
 use std::path::PathBuf;
 
 use tress::render::progress::Unwatched;

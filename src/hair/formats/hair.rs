@@ -18,7 +18,7 @@
 
 use glam::Vec3;
 
-use super::{Fault, Has, Raw, even_layout, floats, triples, u32_at};
+use super::{Fault, Has, Options, Raw, even_layout, floats, triples, u32_at};
 use crate::hair::strands::{Attribute, Strands};
 use crate::scene::description::ThicknessIs;
 
@@ -51,20 +51,19 @@ struct Arrays<'a> {
     colors: &'a [u8],
 }
 
-pub(super) fn parse(bytes: &[u8], thickness_is: ThicknessIs) -> Result<Raw, Fault> {
+pub(super) fn parse(bytes: &[u8], options: &Options) -> Result<Raw, Fault> {
     let header = Header::parse(bytes)?;
     let mut notes = vec![];
     let arrays = split(&header, bytes, &mut notes)?;
     let first = layout(&header, arrays.segments)?;
 
-    let factor = match thickness_is {
+    let factor = match options.thickness_is.unwrap_or(ThicknessIs::Diameter) {
         ThicknessIs::Diameter => 1.0,
         ThicknessIs::Radius => 2.0,
     };
-    notes.push(match thickness_is {
-        ThicknessIs::Diameter => "thickness is taken as a strand's diameter; `thickness_is` changes that".into(),
-        ThicknessIs::Radius => "thickness is taken as a strand's radius, as `thickness_is` says".into(),
-    });
+    if options.thickness_is.is_none() && !options.replaced.width {
+        notes.push("thickness is taken as a strand's diameter; `thickness_is` changes that".into());
+    }
 
     let has_array = |flag| header.flags & flag != 0;
     let width = match has_array(THICKNESS) {

@@ -31,6 +31,8 @@ pub const DEFAULT_WIDTH_SHARE: f32 = 1.0 / 2000.0;
 pub struct Options {
     /// Whether the thickness of a HAIR file is a diameter or a radius; a diameter unless given. Other formats ignore it.
     pub thickness_is: Option<ThicknessIs>,
+    /// Attributes that the caller replaces: nothing is said about what stands for them.
+    pub replaced: Has,
 }
 
 /// Which attributes the file gave; the others hold defaults.
@@ -104,7 +106,7 @@ pub fn read(path: &Path, format: HairFormat, options: &Options) -> Result<Loaded
 pub fn parse(bytes: &[u8], format: HairFormat, extension: Option<&str>, options: &Options) -> Result<Loaded, Fault> {
     let format = resolve(bytes, format, extension)?;
     let mut raw = match format {
-        HairFormat::Hair => hair::parse(bytes, options.thickness_is.unwrap_or(ThicknessIs::Diameter))?,
+        HairFormat::Hair => hair::parse(bytes, options)?,
         HairFormat::Tfx => tfx::parse(bytes)?,
         HairFormat::Text | HairFormat::Auto => text::parse(bytes)?,
     };
@@ -115,7 +117,7 @@ pub fn parse(bytes: &[u8], format: HairFormat, extension: Option<&str>, options:
         };
         raw.notes.push(format!("`thickness_is` is ignored: {why}"));
     }
-    finish(raw, format)
+    finish(raw, format, options.replaced)
 }
 
 /// The format that the first bytes show, if they show one.
@@ -184,7 +186,7 @@ fn name(format: HairFormat) -> &'static str {
 }
 
 /// Cuts damaged strands, brings attributes into their range and fills in what the file did not give.
-fn finish(mut raw: Raw, format: HairFormat) -> Result<Loaded, Fault> {
+fn finish(mut raw: Raw, format: HairFormat, replaced: Has) -> Result<Loaded, Fault> {
     let total = raw.strands.strand_count();
     if let Attribute::Uniform(width) = raw.strands.width
         && raw.has.width
@@ -207,11 +209,13 @@ fn finish(mut raw: Raw, format: HairFormat) -> Result<Loaded, Fault> {
     if !raw.has.width {
         let width = default_width(&raw.strands);
         raw.strands.width = Attribute::Uniform(width);
-        raw.notes.push(format!(
-            "no width in the file: {width} is used, 1/2000 of the diagonal of the hair's bounds; set `width` to change it"
-        ));
+        if !replaced.width {
+            raw.notes.push(format!(
+                "no width in the file: {width} is used, 1/2000 of the diagonal of the hair's bounds; set `width` to change it"
+            ));
+        }
     }
-    if !raw.has.transparency {
+    if !raw.has.transparency && !replaced.transparency {
         raw.notes.push("no transparency in the file: strands are opaque; set `transparency` to change it".into());
     }
     Ok(Loaded { strands: raw.strands, format, has: raw.has, dropped, notes: raw.notes })

@@ -50,7 +50,7 @@ fn straight_hair_is_read() {
     assert_eq!((loaded.dropped.count, loaded.format), (0, HairFormat::Hair));
     assert_eq!(loaded.has, Has { width: true, color: true, transparency: true });
 
-    let radius = Options { thickness_is: Some(ThicknessIs::Radius) };
+    let radius = Options { thickness_is: Some(ThicknessIs::Radius), ..Options::default() };
     assert_eq!(real("yuksel_straight.hair", &radius).unwrap().strands.width, Attribute::Uniform(0.2));
 }
 
@@ -107,7 +107,7 @@ fn text_is_forgiving_about_space_only() {
     assert_eq!(loaded.strands.first, [0, 2, 4]);
     assert_eq!(loaded.strands.width, Attribute::PerPoint(vec![2.0, 1.0, 2.0, 2.0]));
 
-    let radius = Options { thickness_is: Some(ThicknessIs::Radius) };
+    let radius = Options { thickness_is: Some(ThicknessIs::Radius), ..Options::default() };
     let same = parse(text, HairFormat::Text, None, &radius).unwrap();
     assert_eq!(same.strands, loaded.strands);
     assert!(same.notes.contains(&"`thickness_is` is ignored: text files hold radii by definition".into()));

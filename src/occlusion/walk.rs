@@ -1,0 +1,181 @@
+//! One receiver's way through the tree of clusters.
+
+use super::Receiver;
+use super::clusters::{ClusterTree, Scratch, Selection};
+use super::igloo::Igloo;
+use super::lanes::{Block, Far, LANES, Node, Thread, View, bits, prefetch};
+use super::layer::{Transmittance, optical_depth};
+use super::projection::{Piece, SLICE_WIDTH, Segment, project};
+use crate::hair::HairModel;
+
+/// What is the same on the whole way.
+pub struct Walk<'a> {
+    tree: &'a ClusterTree,
+    receiver: &'a Receiver,
+    igloo: &'a Igloo,
+    selection: Selection,
+    view: View,
+    far: &'a [f32],
+    depth: &'a mut [f32],
+    model: &'a HairModel,
+    /// 1 / solid angle of a face.
+    face_weight: f32,
+}
+
+impl<'a> Walk<'a> {
+    /// `depth` is added to; lumps are opened by `width`, the face width that is asked for, of which `igloo` may hold a finer cut.
+    pub fn new(
+        tree: &'a ClusterTree,
+        receiver: &'a Receiver,
+        igloo: &'a Igloo,
+        width: f32,
+        selection: Selection,
+        far: &'a [f32],
+        depth: &'a mut [f32],
+        model: &'a HairModel,
+    ) -> Self {
+        let limit = match selection {
+            // Half a radian at most: nearer than twice its radius no cluster is a lump.
+            Selection::Clusters { opening } => (opening * width).min(0.5).powi(2),
+            _ => 0.0,
+        };
+        let view = View::new(receiver.position, receiver.frame, igloo, limit);
+        let face_weight = 1.0 / igloo.face_solid_angle();
+        Self { tree, receiver, igloo, selection, view, far, depth, model, face_weight }
+    }
+
+    /// Goes from the root to all that is near.
+    pub fn run(mut self, scratch: &mut Scratch) {
+        let tree = self.tree;
+        let Some(top) = tree.levels.len().checked_sub(1) else { return };
+        let Scratch { pieces, stack, .. } = scratch;
+        stack.clear();
+        stack.push((top as u32, 0));
+        while let Some((level, index)) = stack.pop() {
+            let node = &tree.levels[level as usize][index as usize];
+            let far = self.view.node(node);
+            for lane in bits(far.near) {
+                if level == 0 {
+                    prefetch(&tree.blocks[(index * LANES as u32 + lane) as usize]);
+                } else {
+                    prefetch(&tree.levels[level as usize - 1][(index * LANES as u32 + lane) as usize]);
+                }
+            }
+            self.give(&far);
+            for lane in bits(far.near) {
+                if self.passes_by(node, lane as usize, far.distance2[lane as usize]) {
+                    continue;
+                }
+                let child = index * LANES as u32 + lane;
+                if level == 0 {
+                    self.block(&tree.blocks[child as usize], pieces);
+                } else {
+                    stack.push((level - 1, child));
+                }
+            }
+        }
+    }
+
+    /// Gives the far lanes' optical depths to their faces.
+    #[inline]
+    fn give(&mut self, lanes: &Far) {
+        let faces = self.igloo.lookup().faces();
+        for lane in 0..LANES {
+            let face = faces[lanes.cell[lane] as usize] as usize;
+            let far = self.far[face];
+            self.depth[face] += if lanes.distance2[lane] < far * far { lanes.depth[lane] } else { 0.0 };
+        }
+    }
+
+    /// Whether thinning leaves out everything in a lane: it keeps most where the hair is nearest.
+    fn passes_by(&self, node: &Node, lane: usize, distance2: f32) -> bool {
+        match self.selection {
+            Selection::Thinned { fraction, distance_unit } => {
+                let nearest = (distance2.sqrt() - node.radius[lane]).max(0.0);
+                node.least_hash[lane] >= kept_share(fraction, distance_unit, nearest)
+            }
+            _ => false,
+        }
+    }
+
+    fn block(&mut self, block: &Block, pieces: &mut Vec<Piece>) {
+        let far = self.view.block(block);
+        if !matches!(self.selection, Selection::Thinned { .. }) {
+            self.give(&far);
+        }
+        for lane in bits(far.near) {
+            let lane = lane as usize;
+            if block.segment[lane] == u32::MAX {
+                break;
+            }
+            let weight = match self.selection {
+                Selection::Thinned { fraction, distance_unit } => {
+                    let share = kept_share(fraction, distance_unit, far.distance2[lane].sqrt());
+                    if block.hash[lane] >= share {
+                        continue;
+                    }
+                    1.0 / share
+                }
+                _ => 1.0,
+            };
+            self.near_segment(block, lane, weight, pieces);
+        }
+    }
+
+    fn near_segment(&mut self, block: &Block, lane: usize, weight: f32, pieces: &mut Vec<Piece>) {
+        let [a, b] = block.ends(lane).map(|end| end - self.receiver.position);
+        let widths = [block.widths[0][lane], block.widths[1][lane]];
+        let whole = [0.0, 1.0];
+        let mut parts = [Some(whole), None];
+        if let Some(on) = self.receiver.on {
+            let segment = block.segment[lane] as usize;
+            if self.model.strand[segment] == on.strand {
+                let p = self.model.segment_point[segment] as usize;
+                parts = outside(on.excluded(), [self.model.arc[p], self.model.arc[p + 1]]);
+            }
+        }
+        if parts[0] == Some(whole) {
+            let thread = Thread { a, along: b - a, widths, opacity: weight * block.opacity[lane] };
+            if let Some(far) = self.view.segment(&thread) {
+                self.give(&far);
+                return;
+            }
+        }
+        for [from, to] in parts.into_iter().flatten() {
+            let at = |u: f32| {
+                if u == 0.0 {
+                    a
+                } else if u == 1.0 {
+                    b
+                } else {
+                    a + (b - a) * u
+                }
+            };
+            let width = |u: f32| widths[0] + (widths[1] - widths[0]) * u;
+            let rotate = self.receiver.frame.transpose();
+            let part = Segment { a: rotate * at(from), b: rotate * at(to), widths: [width(from), width(to)] };
+            project(self.igloo, &part, SLICE_WIDTH, &|face| self.far[face], pieces);
+            for piece in pieces.iter() {
+                let opacity = match self.tree.rule {
+                    Transmittance::Crossing => block.opacity[lane],
+                    rule => rule.opacity(self.model.transparency[block.segment[lane] as usize], piece.length),
+                };
+                self.depth[piece.face as usize] +=
+                    weight * optical_depth(piece.solid_angle * self.face_weight, opacity);
+            }
+        }
+    }
+}
+
+/// The share of the strands that thinning keeps at a distance: `fraction` / n with n = ⌊z / unit + 1/2⌋ (5.2).
+fn kept_share(fraction: f32, distance_unit: f32, distance: f32) -> f32 {
+    fraction / (distance / distance_unit + 0.5).floor().max(1.0)
+}
+
+/// The parts of the arc range `arcs` outside `excluded`, as parameters 0 to 1 along it.
+fn outside(excluded: [f32; 2], arcs: [f32; 2]) -> [Option<[f32; 2]>; 2] {
+    let length = arcs[1] - arcs[0];
+    let before = ((excluded[0] - arcs[0]) / length).min(1.0);
+    let after = ((excluded[1] - arcs[0]) / length).max(0.0);
+    [(before > 0.0).then_some([0.0, before]), (after < 1.0).then_some([after, 1.0])]
+}

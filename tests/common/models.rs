@@ -1,0 +1,250 @@
+//! Small hair models, points on them, and two independent values of Γ for each point.
+
+use std::f32::consts::TAU;
+use std::path::Path;
+
+use glam::{Mat3, Vec3};
+use rayon::prelude::*;
+use tress::hair::formats::{Options, read};
+use tress::hair::{Attribute, HairModel, Strands};
+use tress::hash::unit;
+use tress::occlusion::clusters::Scratch;
+use tress::occlusion::{ClusterTree, HairRays, Igloo, Receiver, Selection, Span, frame_around, layer};
+use tress::scene::description::HairFormat;
+
+/// A uniform number in [0, 1).
+pub fn random(key: &[u32]) -> f32 {
+    unit(key) as f32
+}
+
+/// A uniform direction.
+pub fn direction(key: &[u32]) -> Vec3 {
+    let two = |axis: u32| random(&[key, &[axis]].concat());
+    let z = 2.0 * two(0) - 1.0;
+    let (sin, cos) = (TAU * two(1)).sin_cos();
+    Vec3::new(cos, sin, 0.0) * (1.0 - z * z).max(0.0).sqrt() + Vec3::Z * z
+}
+
+/// How the strands of a test model run. All are rooted on the unit sphere and half a unit long.
+#[derive(Clone, Copy, Debug)]
+pub enum Style {
+    /// Outwards with a random walk.
+    Ball,
+    /// Clumps of 25 strands that meet at their tips, combed down.
+    Clumps,
+    /// Helices.
+    Curly,
+}
+
+/// A model of `strands` x `segments`, of one width and transparency.
+pub fn grow(style: Style, strands: u32, segments: u32, width: f32, transparency: f32) -> HairModel {
+    let mut points = Vec::new();
+    let mut first = vec![0];
+    for strand in 0..strands {
+        match style {
+            Style::Ball => ball(strand, segments, &mut points),
+            Style::Clumps => clump(strand, segments, &mut points),
+            Style::Curly => curl(strand, segments, &mut points),
+        }
+        first.push(points.len() as u32);
+    }
+    model(points, first, width, transparency)
+}
+
+pub fn model(points: Vec<Vec3>, first: Vec<u32>, width: f32, transparency: f32) -> HairModel {
+    let strands = Strands {
+        points,
+        first,
+        width: Attribute::Uniform(width),
+        color: Attribute::Uniform(Vec3::ONE),
+        transparency: Attribute::Uniform(transparency),
+    };
+    let mut model = HairModel::default();
+    assert_eq!(model.add(&strands, 0), 0, "segments of no length");
+    model
+}
+
+fn ball(strand: u32, segments: u32, points: &mut Vec<Vec3>) {
+    let mut here = direction(&[1, strand]);
+    let mut toward = here;
+    for point in 0..=segments {
+        points.push(here);
+        toward = (toward + 0.25 * direction(&[2, strand, point])).normalize();
+        here += toward * (0.5 / segments as f32);
+    }
+}
+
+fn clump(strand: u32, segments: u32, points: &mut Vec<Vec3>) {
+    let middle = direction(&[3, strand / 25]);
+    let root = (middle + 0.08 * direction(&[4, strand])).normalize();
+    let (mut lead, mut toward) = (middle, middle);
+    for point in 0..=segments {
+        let t = point as f32 / segments as f32;
+        points.push(lead + (root - middle) * (1.0 - 0.9 * t));
+        toward = (toward - Vec3::Y * (4.0 / segments as f32)).normalize();
+        // Combed hair lies on the head.
+        toward = (toward + lead.normalize() * (1.05 - lead.length()).max(0.0) * 4.0).normalize();
+        lead += toward * (0.5 / segments as f32);
+    }
+}
+
+fn curl(strand: u32, segments: u32, points: &mut Vec<Vec3>) {
+    let root = direction(&[5, strand]);
+    let frame = frame_around(root);
+    let phase = TAU * random(&[6, strand]);
+    for point in 0..=segments {
+        let t = point as f32 / segments as f32;
+        let (sin, cos) = (phase + 5.0 * TAU * t).sin_cos();
+        points.push(root * (1.0 + 0.4 * t) + frame * (0.04 * Vec3::new(cos, sin, 0.0) * t.min(0.2) * 5.0));
+    }
+}
+
+/// Each segment cut in `parts` of the same length.
+pub fn cut(model: &HairModel, parts: u32) -> HairModel {
+    let mut points = Vec::new();
+    let mut first = vec![0];
+    for segment in 0..model.segments() {
+        let [a, b] = model.ends(segment);
+        if segment == 0 || model.strand[segment] != model.strand[segment - 1] {
+            if segment > 0 {
+                first.push(points.len() as u32);
+            }
+            points.push(a);
+        }
+        points.extend((1..=parts).map(|i| if i == parts { b } else { a.lerp(b, i as f32 / parts as f32) }));
+    }
+    first.push(points.len() as u32);
+    self::model(points, first, model.width[0], model.transparency[0])
+}
+
+/// The 10,000 strands of a real head, moved to the origin and scaled to unit size; none where the file is not there.
+pub fn yuksel_straight(transparency: f32) -> Option<HairModel> {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/hair/yuksel_straight.hair");
+    if !Path::new(path).exists() {
+        eprintln!("skipped: {path} is not there");
+        return None;
+    }
+    let loaded = read(Path::new(path), HairFormat::Hair, &Options::default()).expect("a sound file");
+    let mut strands = loaded.strands;
+    let (low, high) =
+        strands.points.iter().fold((strands.points[0], strands.points[0]), |(l, h), &p| (l.min(p), h.max(p)));
+    let scale = 2.0 / (high - low).max_element();
+    for point in &mut strands.points {
+        *point = (*point - 0.5 * (low + high)) * scale;
+    }
+    for width in strands.width.values_mut() {
+        *width *= scale;
+    }
+    strands.transparency = Attribute::Uniform(transparency);
+    let mut model = HairModel::default();
+    model.add(&strands, 0);
+    Some(model)
+}
+
+/// Points on hair, each with its strand.
+pub fn on_hair(model: &HairModel, count: u32) -> Vec<Receiver> {
+    let receiver = |i| {
+        let segment = (unit(&[7, i]) * model.segments() as f64) as usize;
+        let sample = model.sample(segment, random(&[8, i]));
+        Receiver { position: sample.position, on: Some(sample.on), frame: Mat3::IDENTITY }
+    };
+    (0..count).map(receiver).collect()
+}
+
+/// Points on the unit sphere between the roots, looking outwards.
+pub fn on_scalp(count: u32) -> Vec<Receiver> {
+    let receiver = |i| {
+        let normal = direction(&[9, i]);
+        Receiver { position: normal, on: None, frame: frame_around(normal) }
+    };
+    (0..count).map(receiver).collect()
+}
+
+/// Points on a floor at height `y`, looking up.
+pub fn on_floor(y: f32, count: u32) -> Vec<Receiver> {
+    let receiver = |i| {
+        let square = |axis| 4.0 * random(&[10, i, axis]) - 2.0;
+        Receiver { position: Vec3::new(square(0), y, square(1)), on: None, frame: frame_around(Vec3::Y) }
+    };
+    (0..count).map(receiver).collect()
+}
+
+/// The igloo that suits a receiver and all of its kind.
+pub fn igloo_for(receiver: &Receiver, faces: u32) -> Igloo {
+    Igloo::new(if receiver.on.is_some() { Span::Sphere } else { Span::Hemisphere }, faces)
+}
+
+/// Γ̄ over the igloo by projection, with nothing behind the hair.
+pub fn projected(
+    tree: &ClusterTree,
+    model: &HairModel,
+    receivers: &[Receiver],
+    faces: u32,
+    selection: Selection,
+) -> Vec<f64> {
+    let igloo = igloo_for(&receivers[0], faces);
+    let far = vec![f32::INFINITY; igloo.len()];
+    let value = |scratch: &mut Scratch, receiver: &Receiver| {
+        mean(&face_values(tree, model, receiver, &igloo, selection, &far, scratch))
+    };
+    receivers.par_iter().map_init(Scratch::default, value).collect()
+}
+
+/// Γ of each face by projection.
+pub fn face_values(
+    tree: &ClusterTree,
+    model: &HairModel,
+    receiver: &Receiver,
+    igloo: &Igloo,
+    selection: Selection,
+    far: &[f32],
+    scratch: &mut Scratch,
+) -> Vec<f32> {
+    let mut gamma = vec![0.0; igloo.len()];
+    tree.optical_depths(receiver, igloo, selection, far, &mut gamma, model, scratch);
+    layer::transmittances(&mut gamma);
+    gamma
+}
+
+/// Γ̄ over the igloo by `rays` rays, with nothing behind the hair.
+pub fn traced(rays: &HairRays, model: &HairModel, receivers: &[Receiver], count: u32) -> Vec<f64> {
+    let igloo = igloo_for(&receivers[0], 100);
+    let far = vec![f32::INFINITY; igloo.len()];
+    let value = |(key, receiver): (usize, &Receiver)| {
+        let mut gamma = vec![0.0; igloo.len()];
+        rays.transmittances(model, receiver, &igloo, count, 0.0, &far, key as u32, &mut gamma);
+        mean(&gamma)
+    };
+    receivers.par_iter().enumerate().map(value).collect()
+}
+
+fn mean(values: &[f32]) -> f64 {
+    values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64
+}
+
+/// Mean, root mean square and largest of `a - b`.
+#[derive(Clone, Copy, Debug)]
+pub struct Difference {
+    pub mean: f64,
+    pub rms: f64,
+    pub largest: f64,
+}
+
+impl Difference {
+    pub fn between(a: &[f64], b: &[f64]) -> Self {
+        assert_eq!(a.len(), b.len());
+        let n = a.len() as f64;
+        let differences = || a.iter().zip(b).map(|(a, b)| a - b);
+        Self {
+            mean: differences().sum::<f64>() / n,
+            rms: (differences().map(|d| d * d).sum::<f64>() / n).sqrt(),
+            largest: differences().map(f64::abs).fold(0.0, f64::max),
+        }
+    }
+}
+
+impl std::fmt::Display for Difference {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "mean {:+.5} rms {:.5} max {:.4}", self.mean, self.rms, self.largest)
+    }
+}

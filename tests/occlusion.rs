@@ -1,0 +1,234 @@
+//! The two estimators of Γ against each other and against brute force in double precision.
+
+mod common;
+
+use common::models::*;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use tress::embree::Device;
+use tress::hair::{Attribute, HairModel, Strands};
+use tress::occlusion::clusters::Scratch;
+use tress::occlusion::raytraced::Ray;
+use tress::occlusion::{ClusterTree, HairRays, Receiver, Selection, Transmittance};
+use tress::surface::{SurfaceModel, Surfaces, primitives};
+
+/// What the projection does when nothing else is asked for.
+const FACES: u32 = 100;
+const DEFAULT: Selection = Selection::Clusters { opening: 0.6 };
+
+/// The models that both estimators must agree on, by name; each opaque and half-transparent.
+fn models(strands: u32, segments: u32, width: f32) -> Vec<(String, HairModel)> {
+    let mut models = Vec::new();
+    for transparency in [0.0, 0.5] {
+        for style in [Style::Ball, Style::Clumps, Style::Curly] {
+            models.push((format!("{style:?} t {transparency}"), grow(style, strands, segments, width, transparency)));
+        }
+    }
+    models
+}
+
+fn cross_check(name: &str, model: &HairModel, places: &[(&str, Vec<Receiver>)], rays: u32) {
+    let tree = ClusterTree::build(model, Transmittance::Crossing);
+    let hair_rays = HairRays::build(&Device::new().unwrap(), model, Transmittance::Crossing).unwrap();
+    for (place, receivers) in places {
+        let truth = traced(&hair_rays, model, receivers, rays);
+        let value = projected(&tree, model, receivers, FACES, DEFAULT);
+        let difference = Difference::between(&value, &truth);
+        let level = truth.iter().sum::<f64>() / truth.len() as f64;
+        println!("{name}, {place}: Γ̄ {level:.4}, {difference}");
+        assert!(difference.mean.abs() < 0.01, "{name}, {place}: {difference}");
+    }
+}
+
+#[test]
+fn projection_and_rays_agree_on_small_models() {
+    for (name, model) in models(2_000, 12, 0.01) {
+        let places = [("hair", on_hair(&model, 32)), ("scalp", on_scalp(16)), ("floor", on_floor(-1.6, 16))];
+        cross_check(&name, &model, &places, 1024);
+    }
+}
+
+#[test]
+#[ignore = "slow: four models of up to a million segments, 4,096 rays a point"]
+fn projection_and_rays_agree() {
+    for (name, model) in models(50_000, 20, 0.003) {
+        let places = [("hair", on_hair(&model, 64)), ("scalp", on_scalp(32)), ("floor", on_floor(-1.6, 32))];
+        cross_check(&name, &model, &places, 4096);
+    }
+    for transparency in [0.0, 0.356, 0.5] {
+        if let Some(model) = yuksel_straight(transparency) {
+            let places = [("hair", on_hair(&model, 64)), ("floor", on_floor(-1.1, 32))];
+            cross_check(&format!("yuksel_straight t {transparency}"), &model, &places, 4096);
+        }
+    }
+}
+
+/// The unit sphere under the hair.
+fn scalp(device: &Device) -> Surfaces {
+    let mut surfaces = SurfaceModel::default();
+    surfaces.add(&primitives::sphere(DVec3::ZERO, 1.0), false);
+    surfaces.into_traceable(device).unwrap()
+}
+
+/// Σ over faces of [the face's ray misses the surface] Γ, over the number of faces.
+fn projected_sky(tree: &ClusterTree, model: &HairModel, receivers: &[Receiver], surfaces: &Surfaces) -> Vec<f64> {
+    let igloo = igloo_for(&receivers[0], FACES);
+    let value = |scratch: &mut Scratch, (key, receiver): (usize, &Receiver)| {
+        let distance = |face| {
+            let [across, down] = [0, 1].map(|axis| random(&[20, key as u32, face as u32, axis]));
+            let direction = receiver.frame * igloo.direction(face, across, down);
+            surfaces
+                .closest(receiver.position, direction, 1e-4, f32::INFINITY)
+                .map_or(f32::INFINITY, |hit| hit.distance)
+        };
+        let far: Vec<f32> = (0..igloo.len()).map(distance).collect();
+        let gamma = face_values(tree, model, receiver, &igloo, DEFAULT, &far, scratch);
+        let open = gamma.iter().zip(&far).filter(|(_, far)| far.is_infinite());
+        open.map(|(&gamma, _)| f64::from(gamma)).sum::<f64>() / igloo.len() as f64
+    };
+    receivers.par_iter().enumerate().map_init(Scratch::default, value).collect()
+}
+
+/// The same by rays over the igloo, each of which looks for the surface itself.
+fn traced_sky(
+    rays: &HairRays,
+    model: &HairModel,
+    receivers: &[Receiver],
+    surfaces: &Surfaces,
+    per_face: u32,
+) -> Vec<f64> {
+    let igloo = igloo_for(&receivers[0], FACES);
+    let value = |(key, receiver): (usize, &Receiver)| {
+        let mut sum = 0.0;
+        for (face, ray) in (0..igloo.len()).flat_map(|face| (0..per_face).map(move |ray| (face, ray))) {
+            let [across, down] = [0, 1].map(|axis| random(&[21, key as u32, face as u32, ray, axis]));
+            let direction = receiver.frame * igloo.direction(face, across, down);
+            if surfaces.blocks(receiver.position, direction, 1e-4, f32::INFINITY) {
+                continue;
+            }
+            let ray = Ray { origin: receiver.position, direction, far: f32::INFINITY, on: receiver.on };
+            sum += f64::from(rays.transmittance(model, &ray, 0.0));
+        }
+        sum / f64::from(per_face) / igloo.len() as f64
+    };
+    receivers.par_iter().enumerate().map(value).collect()
+}
+
+fn cross_check_over_scalp(models: Vec<(String, HairModel)>, points: u32, per_face: u32) {
+    let device = Device::new().unwrap();
+    let scalp = scalp(&device);
+    for (name, model) in models {
+        let tree = ClusterTree::build(&model, Transmittance::Crossing);
+        let hair_rays = HairRays::build(&device, &model, Transmittance::Crossing).unwrap();
+        for (place, receivers) in [("hair", on_hair(&model, points)), ("floor", on_floor(-1.6, points / 2))] {
+            let truth = traced_sky(&hair_rays, &model, &receivers, &scalp, per_face);
+            let value = projected_sky(&tree, &model, &receivers, &scalp);
+            let difference = Difference::between(&value, &truth);
+            let level = truth.iter().sum::<f64>() / truth.len() as f64;
+            println!("{name} over a scalp, {place}: sky {level:.4}, {difference}");
+            assert!(difference.mean.abs() < 0.01, "{name}, {place}: {difference}");
+        }
+    }
+}
+
+#[test]
+fn sky_visibility_over_an_opaque_scalp_agrees_on_small_models() {
+    cross_check_over_scalp(models(2_000, 12, 0.01), 64, 5);
+}
+
+#[test]
+#[ignore = "slow: six models of a million segments, 4,000 rays a point"]
+fn sky_visibility_over_an_opaque_scalp_agrees() {
+    cross_check_over_scalp(models(50_000, 20, 0.003), 128, 20);
+}
+
+/// Strands of different transparencies and tapering widths.
+fn motley_model() -> HairModel {
+    let mut points = Vec::new();
+    let mut first = vec![0];
+    for strand in 0..60 {
+        let mut here = 0.3 * direction(&[30, strand]);
+        for point in 0..12 {
+            points.push(here);
+            here += 0.06 * (direction(&[31, strand]) + 0.5 * direction(&[32, strand, point])).normalize();
+        }
+        first.push(points.len() as u32);
+    }
+    let width = (0..points.len() as u32).map(|point| 0.01 + 0.01 * random(&[33, point])).collect();
+    let strands = Strands {
+        width: Attribute::PerPoint(width),
+        color: Attribute::Uniform(Vec3::ONE),
+        transparency: Attribute::PerStrand((0..60).map(|strand| 0.3 + 0.6 * random(&[34, strand])).collect()),
+        points,
+        first,
+    };
+    let mut model = HairModel::default();
+    model.add(&strands, 0);
+    model
+}
+
+/// Transmittance along a ray by the stated rules, in double precision, and how near any decision is, relative to what decides.
+fn brute_force(model: &HairModel, ray: &Ray) -> (f64, f64) {
+    let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+    let (mut transmittance, mut nearest_decision) = (1.0, f64::INFINITY);
+    for segment in 0..model.segments() {
+        let [a, b] = model.ends(segment).map(|end| end.as_dvec3() - origin);
+        let flat = |p: DVec3| p - p.dot(direction) * direction;
+        let axis = flat(b) - flat(a);
+        let u = -flat(a).dot(axis) / axis.length_squared();
+        let at = u.clamp(0.0, 1.0);
+        let [w0, w1] = model.widths(segment).map(f64::from);
+        let width = w0 + at * (w1 - w0);
+        let distance = a.lerp(b, at).dot(direction);
+        let off = flat(a.lerp(b, at)).length();
+        let mut margins = vec![
+            u,
+            1.0 - u,
+            1.0 - off / (0.5 * width),
+            (distance - width) / width,
+            (f64::from(ray.far) - distance) / width,
+        ];
+        if let Some(on) = ray.on.filter(|on| on.strand == model.strand[segment]) {
+            let p = model.segment_point[segment] as usize;
+            let [from, to] = [model.arc[p], model.arc[p + 1]].map(f64::from);
+            margins.push(((from + at * (to - from) - f64::from(on.arc)).abs() / f64::from(on.width)) - 4.0);
+        }
+        let counts = margins.iter().copied().fold(f64::INFINITY, f64::min);
+        nearest_decision = counts.abs().min(nearest_decision);
+        if counts > 0.0 {
+            transmittance *= f64::from(model.transparency[segment]);
+        }
+    }
+    (transmittance, nearest_decision)
+}
+
+#[test]
+fn transmittance_of_rays_is_that_of_brute_force() {
+    let model = motley_model();
+    let hair_rays = HairRays::build(&Device::new().unwrap(), &model, Transmittance::Crossing).unwrap();
+    let (mut compared, mut cut_short, mut own_strand) = (0, 0, 0);
+    for (index, receiver) in on_hair(&model, 3000).into_iter().enumerate() {
+        let key = index as u32;
+        // A third of the rays run along their own strand's neighbourhood, where the exclusion decides.
+        let along = model.sample(0, 0.5).tangent;
+        let towards = if key.is_multiple_of(3) { along } else { direction(&[35, key]) };
+        let direction = (towards + 0.2 * direction(&[36, key])).normalize();
+        let far = if key.is_multiple_of(2) { f32::INFINITY } else { 0.4 * random(&[37, key]) };
+        let ray = Ray { origin: receiver.position, direction, far, on: receiver.on };
+        let (want, decision) = brute_force(&model, &ray);
+        if decision < 1e-3 {
+            continue;
+        }
+        let got = f64::from(hair_rays.transmittance(&model, &ray, 0.0));
+        assert!((got - want).abs() < 1e-5, "ray {index}, {ray:?}: {got} against {want}");
+        compared += 1;
+        let (endless, _) = brute_force(&model, &Ray { far: f32::INFINITY, ..ray });
+        cut_short += u32::from(endless != want);
+        let (seeing_itself, _) = brute_force(&model, &Ray { on: None, ..ray });
+        own_strand += u32::from(seeing_itself != want);
+    }
+    assert!(compared > 2000, "only {compared} rays had no borderline decision");
+    assert!(cut_short > 50, "`far` decided for {cut_short} rays only");
+    assert!(own_strand > 20, "the own strand's exclusion decided for {own_strand} rays only");
+    println!("{compared} rays, {cut_short} cut short, {own_strand} would have met their own strand");
+}
