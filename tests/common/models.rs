@@ -1,6 +1,5 @@
 //! Small hair models, points on them, and two independent values of Γ for each point.
 
-
 use std::f32::consts::TAU;
 use std::path::Path;
 
