@@ -13,11 +13,14 @@ pub(crate) struct Arguments {
     scene: PathBuf,
     #[command(flatten)]
     overrides: Overrides,
+    /// The frame whose files are read, where names hold a run of #
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    frame: u32,
 }
 
 pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     let document = load(&arguments.scene, &arguments.overrides.set, verbosity)?;
-    let scene = Scene::load(document)?;
+    let scene = Scene::load(document.at_frame(arguments.frame))?;
     if verbosity.quiet {
         return Ok(());
     }

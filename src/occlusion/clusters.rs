@@ -5,7 +5,18 @@
 //! block lanes are structures of arrays, 16 wide.
 //!
 //! A lane is far when its radius is below κ · face width · distance (κ: `Selection::Clusters::opening`); it then gives its whole
-//! optical depth to the face of its centroid. τ is additive, so this is exact as κ -> 0 but for the saturation of one layer.
+//! optical depth to one part of a face, that of its centroid. τ is additive, so this is every segment by itself as κ -> 0.
+//!
+//! Two errors of opposite sign remain, and shrink only together. Γ of a part takes its hair for evenly spread, which loses the
+//! light of gaps and outlines; lumps wider than a part leave gaps that are not there. Measured against 4,096 rays a point, 50,000
+//! strands of 20 segments, 100 faces a hemisphere, κ = 0.6, root mean square of sky visibility (opaque, half-transparent):
+//!
+//! | model               | on hair    | between roots | on the floor |
+//! |---------------------|------------|---------------|--------------|
+//! | random ball         | .004, .003 | .006, .008    | .004, .004   |
+//! | clumps of 25        | .004, .004 | .010, .011    | .010, .007   |
+//! | curls               | .002, .001 | .000, .001    | .008, .005   |
+//! | a real head of hair | .005, .003 |               | .004, .003   |
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -83,6 +94,7 @@ impl ClusterTree {
     /// Adds the optical depth of the hair in each face to `depth`. `far[face]` is the distance of the first opaque surface.
     ///
     /// Of a face that is cut in parts it is that of the parts' mean transmittance, at the same distance of the surface.
+    #[expect(clippy::too_many_arguments, reason = "one query in full: where, over what, how finely")]
     pub fn optical_depths(
         &self,
         receiver: &Receiver,

@@ -270,10 +270,10 @@ pub fn azimuth(x: f32, y: f32) -> f32 {
 fn arctangent_unit(x: f32) -> f32 {
     let s = x * x;
     let p = -0.004_054_058_f32;
-    let p = p.mul_add_portable(s, 0.021_861_229);
+    let p = p.mul_add_portable(s, 0.021_861_23);
     let p = p.mul_add_portable(s, -0.055_909_886);
     let p = p.mul_add_portable(s, 0.096_420_04);
-    let p = p.mul_add_portable(s, -0.139_085_335);
+    let p = p.mul_add_portable(s, -0.139_085_34);
     let p = p.mul_add_portable(s, 0.199_465_36);
     let p = p.mul_add_portable(s, -0.333_298_56);
     let p = p.mul_add_portable(s, 0.999_999_3);

@@ -17,8 +17,8 @@ pub type Lanes = [f32; LANES];
 /// Coordinate of lanes that hold nothing: far away from everything, and its square is finite.
 pub const NOWHERE: f32 = 1e15;
 
-/// Mean length of the chords of a square of side 1 under random lines.
-const MEAN_CHORD: f32 = std::f32::consts::FRAC_PI_4;
+/// Mean chord of a square of side 1 under random lines, each weighted by its length: what a point of a strand lies on.
+const MEAN_CHORD: f32 = 0.9463;
 
 /// Sixteen clusters, each standing for one child.
 #[derive(Clone, Debug)]
@@ -117,6 +117,11 @@ impl View {
             horizon: if igloo.span() == Span::Hemisphere { 0.0 } else { f32::NEG_INFINITY },
             wide: has_avx2(),
         }
+    }
+
+    /// Share of a face that a strand of this angular width covers where it crosses the face.
+    pub fn crossing(&self, apparent_width: f32) -> f32 {
+        self.crossing * apparent_width
     }
 
     /// The same in baseline code.
@@ -322,11 +327,7 @@ fn segment_lanes(view: &View, thread: &Thread) -> Far {
 
 #[inline(always)]
 fn mask(near: &[u32; LANES]) -> u32 {
-    let mut bits = 0;
-    for lane in 0..LANES {
-        bits |= near[lane] << lane;
-    }
-    bits
+    near.iter().enumerate().fold(0, |bits, (lane, near)| bits | near << lane)
 }
 
 /// The bits that are set, lowest first.

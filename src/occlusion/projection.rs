@@ -33,6 +33,8 @@ pub struct Piece {
     pub solid_angle: f32,
     /// Length of the segment in the face.
     pub length: f32,
+    /// Angular width, of a segment narrow enough not to be cut into slices; 0 of a wide one.
+    pub apparent_width: f32,
 }
 
 /// A segment to be projected.
@@ -257,16 +259,22 @@ impl<Far: Fn(usize) -> f32, Width: Fn(f32) -> f32, Angle: Fn(f32) -> f32> Sink<'
         }
         let middle = 0.5 * (from + to);
         let far = (self.far_of)(face as usize);
-        if slice.h2 + middle * middle > far * far {
+        let distance2 = slice.h2 + middle * middle;
+        if distance2 > far * far {
             return;
         }
-        let solid_angle = slice.share * (self.angle_at)(middle) * slice.sine_difference(from, to);
+        let angle = (self.angle_at)(middle);
+        let solid_angle = slice.share * angle * slice.sine_difference(from, to);
         match self.pieces.last_mut() {
             Some(last) if last.face == face && slice.share == 1.0 => {
                 last.solid_angle += solid_angle;
                 last.length += to - from;
+                last.apparent_width = last.apparent_width.max(slice.apparent_width(angle, distance2));
             }
-            _ => self.pieces.push(Piece { face, solid_angle, length: to - from }),
+            _ => {
+                let apparent_width = if slice.share == 1.0 { slice.apparent_width(angle, distance2) } else { 0.0 };
+                self.pieces.push(Piece { face, solid_angle, length: to - from, apparent_width });
+            }
         }
     }
 }
@@ -281,6 +289,12 @@ impl Slice {
     #[inline]
     fn height(&self, s: f32) -> f32 {
         (self.foot.z + s * self.axis.z) / (self.h2 + s * s).sqrt()
+    }
+
+    /// Angular width at a squared distance, from the angle about the axis.
+    #[inline]
+    fn apparent_width(&self, angle: f32, distance2: f32) -> f32 {
+        angle * (self.h2 / distance2).sqrt()
     }
 
     /// s2/r2 - s1/r1 without cancellation: with both of one sign it is h² (s2² - s1²) / (r1 r2 (s2 r1 + s1 r2)).

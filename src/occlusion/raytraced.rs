@@ -10,11 +10,19 @@ use crate::hair::{HairModel, OnStrand};
 use crate::hash::{hash, to_unit};
 
 /// Hair that rays can cross.
+///
+/// A ray's optical depth is a sum of whole numbers of `DEPTH_STEP`: Embree visits crossings in an order of its own, which may change
+/// with the number of threads that built its tree, and only such a sum does not depend on it.
 #[derive(Debug)]
 pub struct HairRays {
     scene: CurveScene,
-    rule: Transmittance,
+    /// Optical depth of a crossing of each segment, in steps; `OPAQUE` where nothing gets through.
+    depths: Vec<u32>,
 }
+
+/// The unit of optical depth, 2^-20: it puts an error of at most 5e-7 a crossing on the transmittance.
+const DEPTH_STEP: f64 = 1.0 / 1_048_576.0;
+const OPAQUE: u32 = u32::MAX;
 
 /// Keeps these random numbers apart from those of other purposes.
 const PURPOSE: u32 = 0x4741_4D41;
@@ -38,7 +46,14 @@ impl HairRays {
     /// Embree's own.
     pub fn build(device: &Device, model: &HairModel, rule: Transmittance) -> Result<Self, Error> {
         let vertices: Vec<Vec4> = model.points.iter().zip(&model.width).map(|(p, w)| p.extend(0.5 * w)).collect();
-        Ok(Self { scene: CurveScene::build(device, vertices, model.segment_point.clone())?, rule })
+        let depth = |segment: usize| {
+            let p = model.segment_point[segment] as usize;
+            let opacity = f64::from(rule.opacity(model.transparency[segment], model.arc[p + 1] - model.arc[p]));
+            // The conversion saturates: a depth beyond 4095 is opaque.
+            (-(-opacity).ln_1p() / DEPTH_STEP).round() as u32
+        };
+        let depths = (0..model.segments()).map(depth).collect();
+        Ok(Self { scene: CurveScene::build(device, vertices, model.segment_point.clone())?, depths })
     }
 
     /// What is left of the light along a ray; 0 as soon as it is below `residual`.
@@ -47,30 +62,27 @@ impl HairRays {
     /// `SELF_WIDTHS`" is checked here, by strand and arc length.
     pub fn transmittance(&self, model: &HairModel, ray: &Ray, residual: f32) -> f32 {
         let excluded = ray.on.map(|on| (on.strand, on.excluded()));
-        let mut transmittance = 1.0_f32;
-        self.scene.crossings(ray.origin, ray.direction, 0.0, ray.far, |crossing| {
+        let limit = if residual > 0.0 { (-f64::from(residual).ln() / DEPTH_STEP) as u64 } else { u64::MAX };
+        let mut depth = 0_u64;
+        let ended = self.scene.crossings(ray.origin, ray.direction, 0.0, ray.far, |crossing| {
             let segment = crossing.segment as usize;
-            let p = model.segment_point[segment] as usize;
             if let Some((strand, [from, to])) = excluded
                 && model.strand[segment] == strand
             {
+                let p = model.segment_point[segment] as usize;
                 let arc = model.arc[p] + (model.arc[p + 1] - model.arc[p]) * crossing.u;
                 if arc > from && arc < to {
                     return ControlFlow::Continue(());
                 }
             }
-            let length = match self.rule {
-                Transmittance::Crossing => 0.0,
-                Transmittance::SegmentLength { .. } => model.arc[p + 1] - model.arc[p],
-            };
-            transmittance *= 1.0 - self.rule.opacity(model.transparency[segment], length);
-            if transmittance < residual {
-                transmittance = 0.0;
-                return ControlFlow::Break(());
+            depth += u64::from(self.depths[segment]);
+            if depth > limit || self.depths[segment] == OPAQUE {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
             }
-            ControlFlow::Continue(())
         });
-        transmittance
+        if ended { 0.0 } else { (-(depth as f64) * DEPTH_STEP).exp() as f32 }
     }
 
     /// Γ̄ of each face from at least `rays` rays over the whole igloo, the same number in each face, stratified inside it.

@@ -24,6 +24,7 @@ pub struct Walk<'a> {
 
 impl<'a> Walk<'a> {
     /// `depth` is added to; lumps are opened by `width`, the face width that is asked for, of which `igloo` may hold a finer cut.
+    #[expect(clippy::too_many_arguments, reason = "one query in full: where, over what, how finely")]
     pub fn new(
         tree: &'a ClusterTree,
         receiver: &'a Receiver,
@@ -134,8 +135,9 @@ impl<'a> Walk<'a> {
                 parts = outside(on.excluded(), [self.model.arc[p], self.model.arc[p + 1]]);
             }
         }
-        if parts[0] == Some(whole) {
-            let thread = Thread { a, along: b - a, widths, opacity: weight * block.opacity[lane] };
+        // Where the opacity depends on the length in a face, pieces must be whole.
+        if parts[0] == Some(whole) && self.tree.rule == Transmittance::Crossing {
+            let thread = Thread { a, along: b - a, widths, opacity: block.opacity[lane] };
             if let Some(far) = self.view.segment(&thread) {
                 self.give(&far);
                 return;
@@ -160,8 +162,15 @@ impl<'a> Walk<'a> {
                     Transmittance::Crossing => block.opacity[lane],
                     rule => rule.opacity(self.model.transparency[block.segment[lane] as usize], piece.length),
                 };
-                self.depth[piece.face as usize] +=
-                    weight * optical_depth(piece.solid_angle * self.face_weight, opacity);
+                let covered = piece.solid_angle * self.face_weight;
+                // A narrow strand goes on where the segment ends: its layer is the strand's (see `lanes`), in proportion.
+                let crossing = self.view.crossing(piece.apparent_width);
+                let depth = if crossing > 0.0 {
+                    optical_depth(crossing, opacity) * (covered / crossing)
+                } else {
+                    optical_depth(covered, opacity)
+                };
+                self.depth[piece.face as usize] += weight * depth;
             }
         }
     }

@@ -115,7 +115,7 @@ impl<'s> Lighting<'s> {
     /// # Errors
     /// Embree's own.
     pub fn new(scene: &'s mut Scene, effects: Effects) -> Result<Self, RenderError> {
-        let device = Device::new()?;
+        let device = Device::with_threads(rayon::current_num_threads())?;
         let surfaces = std::mem::take(&mut scene.surfaces);
         let surfaces = effects.surfaces.then(|| surfaces.into_traceable(&device)).transpose()?;
         let scene = &*scene;

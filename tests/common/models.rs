@@ -30,7 +30,7 @@ pub fn direction(key: &[u32]) -> Vec3 {
 pub enum Style {
     /// Outwards with a random walk.
     Ball,
-    /// Clumps of 25 strands that meet at their tips, combed down.
+    /// Clumps of 25 strands that come together towards their tips, combed down.
     Clumps,
     /// Helices.
     Curly,
@@ -80,7 +80,7 @@ fn clump(strand: u32, segments: u32, points: &mut Vec<Vec3>) {
     let (mut lead, mut toward) = (middle, middle);
     for point in 0..=segments {
         let t = point as f32 / segments as f32;
-        points.push(lead + (root - middle) * (1.0 - 0.9 * t));
+        points.push(lead + (root - middle) * (1.0 - 0.6 * t));
         toward = (toward - Vec3::Y * (4.0 / segments as f32)).normalize();
         // Combed hair lies on the head.
         toward = (toward + lead.normalize() * (1.05 - lead.length()).max(0.0) * 4.0).normalize();
@@ -114,6 +114,18 @@ pub fn cut(model: &HairModel, parts: u32) -> HairModel {
         points.extend((1..=parts).map(|i| if i == parts { b } else { a.lerp(b, i as f32 / parts as f32) }));
     }
     first.push(points.len() as u32);
+    self::model(points, first, model.width[0], model.transparency[0])
+}
+
+/// The strands in another order, each from tip to root.
+pub fn reversed(model: &HairModel) -> HairModel {
+    let mut points = model.points.clone();
+    points.reverse();
+    let mut first = vec![0];
+    for strand in (0..model.object.len() as u32).rev() {
+        let segments = model.strand.iter().filter(|&&s| s == strand).count() as u32;
+        first.push(first[first.len() - 1] + segments + 1);
+    }
     self::model(points, first, model.width[0], model.transparency[0])
 }
 

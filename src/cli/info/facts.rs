@@ -107,7 +107,7 @@ fn image_suspicious(facts: &ImageFacts) -> Vec<String> {
     for (count, what) in [
         (sum(|c| c.nan), "values are not numbers (NaN)"),
         (sum(|c| c.infinite), "values are infinite"),
-        (sum(|c| c.negative), "values are negative: no radiance is"),
+        (sum(|c| if is_color(&c.name) { c.negative } else { 0 }), "values are negative: no radiance is"),
     ] {
         if count > 0 {
             list.push(format!("{count} {what}"));
@@ -117,6 +117,12 @@ fn image_suspicious(facts: &ImageFacts) -> Vec<String> {
         list.push("no value is above zero: it is black".to_owned());
     }
     list
+}
+
+/// Whether a channel holds light rather than a direction or a distance.
+fn is_color(channel: &str) -> bool {
+    let last = channel.rsplit('.').next().unwrap_or(channel).to_ascii_lowercase();
+    matches!(last.as_str(), "r" | "g" | "b" | "red" | "green" | "blue") || ["Y", "L"].contains(&channel)
 }
 
 pub(super) fn scene(file: &Path) -> Result<Facts, String> {
