@@ -61,7 +61,7 @@ fn the_furnace_is_white() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("furnace.exr");
     let scene = Path::new(ROOT).join("scenes/furnace.toml");
-    tress(&["render", &scene.to_string_lossy(), "--resolution", "64x64", "-o", &file.to_string_lossy()]);
+    tress(&["render", &scene.to_string_lossy(), "-o", &file.to_string_lossy()]);
     let picture = image::read(&file, &image::Limits::default()).and_then(|image| image.rgb()).expect("a picture");
     for value in picture.pixels.iter().flatten() {
         assert!((value - 1.0).abs() < 0.01, "{value}");
