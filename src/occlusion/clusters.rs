@@ -160,6 +160,9 @@ fn partition(order: &mut [(Vec3, u32)]) {
 struct Summary {
     centroid: Vec3,
     radius: f32,
+    /// Half the mean segment, and how far beside it the others run.
+    half: Vec3,
+    thickness: f32,
     mass: f32,
     tensor: [f32; 6],
     least_hash: f32,
@@ -171,9 +174,19 @@ impl Summary {
         let weight = |p: &Self| if mass > 0.0 { p.mass / mass } else { 1.0 / parts.len() as f32 };
         let centroid: Vec3 = parts.iter().map(|p| p.centroid * weight(p)).sum();
         let radius = parts.iter().map(|p| p.centroid.distance(centroid) + p.radius).fold(0.0, f32::max);
+        // Segments have no sense of direction: all are turned to run with the one of most mass.
+        let heaviest = parts.iter().fold(parts[0], |best, p| if p.mass > best.mass { *p } else { best });
+        let turned = |p: &Self| if p.half.dot(heaviest.half) < 0.0 { -p.half } else { p.half };
+        let half: Vec3 = parts.iter().map(|p| turned(p) * weight(p)).sum();
+        let beside = |p: &Self| {
+            let (offset, lean) = (p.centroid - centroid, turned(p) - half);
+            (offset + lean).length().max((offset - lean).length()) + p.thickness
+        };
         Self {
             centroid,
             radius,
+            half,
+            thickness: parts.iter().map(beside).fold(0.0, f32::max),
             mass,
             tensor: std::array::from_fn(|i| parts.iter().map(|p| p.tensor[i]).sum()),
             least_hash: parts.iter().map(|p| p.least_hash).fold(f32::INFINITY, f32::min),
@@ -190,6 +203,8 @@ fn node_of(children: &[Summary]) -> Node {
     Node {
         center: std::array::from_fn(|axis| lanes(&|c| c.centroid[axis], NOWHERE)),
         radius: lanes(&|c| c.radius, -1.0),
+        half: std::array::from_fn(|axis| lanes(&|c| c.half[axis], 0.0)),
+        thickness: lanes(&|c| c.thickness, f32::INFINITY),
         mass: lanes(&|c| c.mass * sine_factor(c.mass, |i| c.tensor[i]), 0.0),
         tensor: std::array::from_fn(|i| lanes(&|c| c.tensor[i] / c.mass, 0.0)),
         least_hash: lanes(&|c| c.least_hash, f32::INFINITY),
@@ -225,6 +240,8 @@ fn summary(block: &Block) -> Summary {
         *part = Some(Summary {
             centroid: 0.5 * (a + b),
             radius: 0.5 * length,
+            half: 0.5 * along,
+            thickness: 0.0,
             mass,
             tensor: [u.x * u.x, u.y * u.y, u.z * u.z, u.x * u.y, u.x * u.z, u.y * u.z].map(|t| t * mass),
             least_hash: block.hash[lane],

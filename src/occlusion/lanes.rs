@@ -7,7 +7,6 @@
 use glam::{Mat3, Vec3};
 
 use super::igloo::{Igloo, Span};
-use super::projection::SLICE_WIDTH;
 
 /// Lanes of a node and of a block.
 pub const LANES: usize = 16;
@@ -27,6 +26,10 @@ pub struct Node {
     pub center: [Lanes; 3],
     /// Radius around the centroid that holds all of the child's segments; -1 in a lane without child.
     pub radius: Lanes,
+    /// The child as a bundle: half the mean segment, which runs through the centroid,
+    pub half: [Lanes; 3],
+    /// and the distance within which all of its segments run beside that one, from end to end.
+    pub thickness: Lanes,
     /// Σ width · length · opacity, times what makes the sine of the mean angle that of the mean (see `clusters`).
     pub mass: Lanes,
     /// Σ width · length · opacity · u uᵀ / Σ width · length · opacity: xx, yy, zz, xy, xz, yz.
@@ -88,6 +91,15 @@ pub struct Thread {
     pub opacity: f32,
 }
 
+/// Parallel hair, relative to the viewer, in render space's axes; `mass` and `tensor` as in [`Node`].
+#[derive(Clone, Copy, Debug)]
+struct Bundle {
+    a: Vec3,
+    along: Vec3,
+    mass: f32,
+    tensor: [f32; 6],
+}
+
 /// What the lanes of a node or block give.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Far {
@@ -98,17 +110,31 @@ pub struct Far {
     pub distance2: Lanes,
     /// Bit `i`: lane `i` is near and must be opened or projected by itself.
     pub near: u32,
+    /// Lanes that are in use, from the first.
+    pub count: usize,
+}
+
+impl Far {
+    /// Fewer lanes than there is room for.
+    #[inline(always)]
+    fn of<const N: usize>(cell: &[u32; N], depth: &[f32; N], distance2: &[f32; N]) -> Self {
+        let mut far = Self { cell: [0; LANES], depth: [0.0; LANES], distance2: [0.0; LANES], near: 0, count: N };
+        far.cell[..N].copy_from_slice(cell);
+        far.depth[..N].copy_from_slice(depth);
+        far.distance2[..N].copy_from_slice(distance2);
+        far
+    }
 }
 
 impl View {
-    /// `limit` is the square of the angular radius below which a lane is far.
-    pub fn new(position: Vec3, frame: Mat3, igloo: &Igloo, limit: f32) -> Self {
+    /// `limit` is the square of the angular radius below which a lane is far, `slice` the angular width from which on a segment is cut into slices.
+    pub fn new(position: Vec3, frame: Mat3, igloo: &Igloo, limit: f32, slice: f32) -> Self {
         let side = igloo.lookup().side();
         Self {
             position: position.to_array(),
             axes: frame.to_cols_array_2d(),
             limit,
-            slice2: (SLICE_WIDTH * igloo.face_width()).powi(2),
+            slice2: slice * slice,
             face_weight: 1.0 / igloo.face_solid_angle(),
             crossing: MEAN_CHORD / igloo.face_width(),
             half_side: 0.5 * side as f32,
@@ -152,30 +178,78 @@ impl View {
         block_lanes(self, block)
     }
 
-    /// Projects a segment as sixteen, where each sixteenth is far and narrow.
+    /// Projects a lane's child as a bundle of parallel hair, where it is thin: lumps along its mean segment.
     #[inline]
-    pub fn segment(&self, thread: &Thread) -> Option<Far> {
-        let Thread { a, along, widths, .. } = *thread;
-        let length2 = along.length_squared();
-        let nearest2 = (a + along * (-a.dot(along) / length2).clamp(0.0, 1.0)).length_squared();
-        let width = widths[0].max(widths[1]);
-        let far = length2 * (0.25 / (LANES * LANES) as f32) < self.limit * nearest2;
-        if !far || width * width >= self.slice2 * nearest2 {
+    pub fn bundle(&self, node: &Node, lane: usize) -> Option<Far> {
+        let lane_of = |values: &[Lanes; 3]| Vec3::new(values[0][lane], values[1][lane], values[2][lane]);
+        let half = lane_of(&node.half);
+        let along = 2.0 * half;
+        let a = lane_of(&node.center) - Vec3::from_array(self.position) - half;
+        let nearest2 = nearest2(a, along);
+        let thickness = node.thickness[lane];
+        // A test that fails for what is not a number.
+        if !(thickness * thickness < self.limit * nearest2) {
             return None;
         }
+        let bundle = Bundle { a, along, mass: node.mass[lane], tensor: node.tensor.map(|t| t[lane]) };
+        match self.lumps(along, nearest2)? {
+            2 => Some(self.bundle_in::<2>(&bundle)),
+            4 => Some(self.bundle_in::<4>(&bundle)),
+            8 => Some(self.bundle_in::<8>(&bundle)),
+            _ => Some(self.bundle_in::<16>(&bundle)),
+        }
+    }
+
+    #[inline(always)]
+    fn bundle_in<const N: usize>(&self, bundle: &Bundle) -> Far {
         #[cfg(target_arch = "x86_64")]
         if self.wide {
             // SAFETY: `wide` is true only where the processor has AVX2.
-            return Some(unsafe { segment_avx2(self, thread) });
+            return unsafe { bundle_avx2::<N>(self, bundle) };
         }
-        Some(segment_lanes(self, thread))
+        bundle_lanes::<N>(self, bundle)
+    }
+
+    /// Projects a segment in lumps along it, where each is far and narrow.
+    #[inline]
+    pub fn segment(&self, thread: &Thread) -> Option<Far> {
+        let Thread { a, along, widths, .. } = *thread;
+        let nearest2 = nearest2(a, along);
+        let width = widths[0].max(widths[1]);
+        if width * width >= self.slice2 * nearest2 {
+            return None;
+        }
+        match self.lumps(along, nearest2)? {
+            2 => Some(self.segment_in::<2>(thread)),
+            4 => Some(self.segment_in::<4>(thread)),
+            8 => Some(self.segment_in::<8>(thread)),
+            _ => Some(self.segment_in::<16>(thread)),
+        }
+    }
+
+    #[inline(always)]
+    fn segment_in<const N: usize>(&self, thread: &Thread) -> Far {
+        #[cfg(target_arch = "x86_64")]
+        if self.wide {
+            // SAFETY: `wide` is true only where the processor has AVX2.
+            return unsafe { segment_avx2::<N>(self, thread) };
+        }
+        segment_lanes::<N>(self, thread)
+    }
+
+    /// In how many lumps a segment must be taken so that each is far: 2, 4, 8 or 16, or more than that.
+    #[inline]
+    fn lumps(&self, along: Vec3, nearest2: f32) -> Option<usize> {
+        let bound = 4.0 * self.limit * nearest2;
+        let length2 = along.length_squared();
+        [2, 4, 8, 16].into_iter().find(|&count| length2 < (count * count) as f32 * bound)
     }
 
     /// Cells of the look-up table for directions of any length; what is below the horizon loses its depth.
     #[inline(always)]
-    fn cells(&self, direction: &[Lanes; 3], depth: &mut Lanes) -> [u32; LANES] {
-        let mut cell = [0; LANES];
-        for lane in 0..LANES {
+    fn cells<const N: usize>(&self, direction: &[[f32; N]; 3], depth: &mut [f32; N]) -> [u32; N] {
+        let mut cell = [0; N];
+        for lane in 0..N {
             let [x, y, z] = [direction[0][lane], direction[1][lane], direction[2][lane]];
             let local = self.axes.map(|axis| axis[0] * x + axis[1] * y + axis[2] * z);
             depth[lane] = if local[2] >= self.horizon { depth[lane] } else { 0.0 };
@@ -195,6 +269,15 @@ impl View {
         }
         cell
     }
+}
+
+/// Squared distance of the segment from `a` along `along` to the origin.
+#[inline(always)]
+fn nearest2(a: Vec3, along: Vec3) -> f32 {
+    let s = (-a.dot(along) / along.length_squared()).clamp(0.0, 1.0);
+    // Where the segment has no length, `s` is not a number.
+    let s = if s > 0.0 { s } else { 0.0 };
+    (a + along * s).length_squared()
 }
 
 /// `x` between 0 and `last`; 0 for what is not a number.
@@ -225,8 +308,14 @@ fn block_avx2(view: &View, block: &Block) -> Far {
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn segment_avx2(view: &View, thread: &Thread) -> Far {
-    segment_lanes(view, thread)
+fn bundle_avx2<const N: usize>(view: &View, bundle: &Bundle) -> Far {
+    bundle_lanes::<N>(view, bundle)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn segment_avx2<const N: usize>(view: &View, thread: &Thread) -> Far {
+    segment_lanes::<N>(view, thread)
 }
 
 #[inline(always)]
@@ -242,20 +331,45 @@ fn node_lanes(view: &View, node: &Node) -> Far {
         let d2 = x * x + y * y + z * z;
         let radius = node.radius[lane];
         let far = radius * radius.abs() < view.limit * d2;
-        let t = |i: usize| node.tensor[i][lane];
-        let along = x * x * t(0) + y * y * t(1) + z * z * t(2) + 2.0 * (x * y * t(3) + x * z * t(4) + y * z * t(5));
-        let weight = 1.0 / d2;
-        // Rounding may take it below zero where all hair points at the viewer.
-        let sine2 = 1.0 - along * weight;
-        let sine = (if sine2 > 0.0 { sine2 } else { 0.0 }).sqrt();
-        depth[lane] = if far { node.mass[lane] * sine * weight * view.face_weight } else { 0.0 };
+        let lump = node.mass[lane] * sine(&node.tensor.map(|t| t[lane]), x, y, z, d2) / d2 * view.face_weight;
+        depth[lane] = if far { lump } else { 0.0 };
         distance2[lane] = d2;
         near[lane] = u32::from(!far);
         toward[0][lane] = x;
         toward[1][lane] = y;
         toward[2][lane] = z;
     }
-    Far { cell: view.cells(&toward, &mut depth), depth, distance2, near: mask(&near) }
+    Far { cell: view.cells(&toward, &mut depth), depth, distance2, near: mask(&near), count: LANES }
+}
+
+/// Root of the mean squared sine between the hair of a cluster and the direction (x, y, z) of squared length `d2`.
+#[inline(always)]
+fn sine(tensor: &[f32; 6], x: f32, y: f32, z: f32, d2: f32) -> f32 {
+    let [xx, yy, zz, xy, xz, yz] = *tensor;
+    let along = x * x * xx + y * y * yy + z * z * zz + 2.0 * (x * y * xy + x * z * xz + y * z * yz);
+    // Rounding may take it below zero where all hair points at the viewer.
+    let sine2 = 1.0 - along / d2;
+    (if sine2 > 0.0 { sine2 } else { 0.0 }).sqrt()
+}
+
+#[inline(always)]
+fn bundle_lanes<const N: usize>(view: &View, bundle: &Bundle) -> Far {
+    let Bundle { a, along, mass, tensor } = *bundle;
+    let mut toward = [[0.0; N]; 3];
+    let mut depth = [0.0; N];
+    let mut distance2 = [0.0; N];
+    for lane in 0..N {
+        let s = (lane as f32 + 0.5) * (1.0 / N as f32);
+        let [x, y, z] = [a.x + s * along.x, a.y + s * along.y, a.z + s * along.z];
+        let d2 = x * x + y * y + z * z;
+        depth[lane] = mass * (1.0 / N as f32) * sine(&tensor, x, y, z, d2) / d2 * view.face_weight;
+        distance2[lane] = d2;
+        toward[0][lane] = x;
+        toward[1][lane] = y;
+        toward[2][lane] = z;
+    }
+    let cell = view.cells(&toward, &mut depth);
+    Far::of(&cell, &depth, &distance2)
 }
 
 #[inline(always)]
@@ -286,10 +400,10 @@ fn block_lanes(view: &View, block: &Block) -> Far {
         toward[1][lane] = y;
         toward[2][lane] = z;
     }
-    Far { cell: view.cells(&toward, &mut depth), depth, distance2, near: mask(&near) }
+    Far { cell: view.cells(&toward, &mut depth), depth, distance2, near: mask(&near), count: LANES }
 }
 
-/// -ln(1 - x) / x for x up to 1/2, to 1e-6.
+/// -ln(1 - x) / x, to 1e-6 for x up to 1/2 and to 2e-3 for x up to 0.8, where a strand is as wide as a part of a face.
 ///
 /// A segment's layer is not alone in its face: the strand goes on. With x the share that the strand takes where it crosses the
 /// face, and a segment's optical depth in proportion to its length, it does not matter how finely the strand is cut.
@@ -302,15 +416,15 @@ fn saturation(x: f32) -> f32 {
 }
 
 #[inline(always)]
-fn segment_lanes(view: &View, thread: &Thread) -> Far {
+fn segment_lanes<const N: usize>(view: &View, thread: &Thread) -> Far {
     let Thread { a, along, widths, opacity } = *thread;
-    let mut toward = [[0.0; LANES]; 3];
-    let mut depth = [0.0; LANES];
-    let mut distance2 = [0.0; LANES];
-    // Twice the area between the viewer and a sixteenth of the segment, wherever that lies.
-    let area = along.cross(a).length() * (1.0 / LANES as f32);
-    for lane in 0..LANES {
-        let s = (lane as f32 + 0.5) * (1.0 / LANES as f32);
+    let mut toward = [[0.0; N]; 3];
+    let mut depth = [0.0; N];
+    let mut distance2 = [0.0; N];
+    // Twice the area between the viewer and a part of the segment, wherever that lies.
+    let area = along.cross(a).length() * (1.0 / N as f32);
+    for lane in 0..N {
+        let s = (lane as f32 + 0.5) * (1.0 / N as f32);
         let [x, y, z] = [a.x + s * along.x, a.y + s * along.y, a.z + s * along.z];
         let d2 = x * x + y * y + z * z;
         let distance = d2.sqrt();
@@ -322,7 +436,8 @@ fn segment_lanes(view: &View, thread: &Thread) -> Far {
         toward[1][lane] = y;
         toward[2][lane] = z;
     }
-    Far { cell: view.cells(&toward, &mut depth), depth, distance2, near: 0 }
+    let cell = view.cells(&toward, &mut depth);
+    Far::of(&cell, &depth, &distance2)
 }
 
 #[inline(always)]
@@ -404,6 +519,8 @@ mod tests {
         Node {
             center: std::array::from_fn(|axis| lanes(key + axis as u32, -1.0, 1.0)),
             radius,
+            half: std::array::from_fn(|axis| lanes(key + 10 + axis as u32, -0.3, 0.3)),
+            thickness: lanes(key + 13, 0.0, 0.1),
             mass: lanes(key + 4, 0.0, 1e-3),
             tensor: [diagonal, diagonal.map(|t| 1.0 - t), [0.0; LANES], [0.1; LANES], [0.0; LANES], [0.0; LANES]],
             least_hash: [0.0; LANES],
@@ -433,7 +550,7 @@ mod tests {
         let igloo = Igloo::new(Span::Hemisphere, 100);
         for key in 0..500 {
             let position = Vec3::from_array(std::array::from_fn(|i| lanes(key, -1.0, 1.0)[i]));
-            let view = View::new(position, frame_around(position.normalize()), &igloo, 0.05);
+            let view = View::new(position, frame_around(position.normalize()), &igloo, 0.05, 0.05);
             assert_eq!(view.node(&node(key)), view.narrow().node(&node(key)));
             let block = block(key);
             assert_eq!(view.block(&block), view.narrow().block(&block));
@@ -456,7 +573,7 @@ mod tests {
         let (mut far_lanes, mut same_face) = (0, 0);
         for key in 0..200 {
             let (node, position) = (node(key), Vec3::new(0.2, -0.1, 0.3));
-            let view = View::new(position, Mat3::IDENTITY, &igloo, 0.09);
+            let view = View::new(position, Mat3::IDENTITY, &igloo, 0.09, 0.05);
             let far = view.node(&node);
             for lane in 0..LANES {
                 let toward = Vec3::from_array(node.center.map(|c| c[lane])).as_dvec3() - position.as_dvec3();
@@ -484,9 +601,9 @@ mod tests {
     }
 
     #[test]
-    fn a_segment_in_sixteenths_is_the_closed_form() {
+    fn a_segment_in_lumps_is_the_closed_form() {
         let igloo = Igloo::new(Span::Sphere, 100);
-        let view = View::new(Vec3::ZERO, Mat3::IDENTITY, &igloo, 0.01);
+        let view = View::new(Vec3::ZERO, Mat3::IDENTITY, &igloo, 0.01, 0.05);
         let mut tried = 0;
         for key in 0..300 {
             let [a, along] = [key, key + 1000].map(|key| Vec3::from_slice(&lanes(key, -1.0, 1.0)[..3]));

@@ -20,10 +20,12 @@ pub struct Walk<'a> {
     model: &'a HairModel,
     /// 1 / solid angle of a face.
     face_weight: f32,
+    /// Greatest width of a slice, in face widths of `igloo`.
+    slice_width: f32,
 }
 
 impl<'a> Walk<'a> {
-    /// `depth` is added to; lumps are opened by `width`, the face width that is asked for, of which `igloo` may hold a finer cut.
+    /// `depth` is added to; lumps are opened and ribbons sliced by `width`, the face width that is asked for, of which `igloo` may hold a finer cut.
     #[expect(clippy::too_many_arguments, reason = "one query in full: where, over what, how finely")]
     pub fn new(
         tree: &'a ClusterTree,
@@ -40,9 +42,11 @@ impl<'a> Walk<'a> {
             Selection::Clusters { opening } => (opening * width).min(0.5).powi(2),
             _ => 0.0,
         };
-        let view = View::new(receiver.position, receiver.frame, igloo, limit);
+        let slice = SLICE_WIDTH * width;
+        let view = View::new(receiver.position, receiver.frame, igloo, limit, slice);
+        let slice_width = slice / igloo.face_width();
         let face_weight = 1.0 / igloo.face_solid_angle();
-        Self { tree, receiver, igloo, selection, view, far, depth, model, face_weight }
+        Self { tree, receiver, igloo, selection, view, far, depth, model, face_weight, slice_width }
     }
 
     /// Goes from the root to all that is near.
@@ -67,6 +71,10 @@ impl<'a> Walk<'a> {
                 if self.passes_by(node, lane as usize, far.distance2[lane as usize]) {
                     continue;
                 }
+                if let Some(bundle) = self.bundle(node, lane as usize) {
+                    self.give(&bundle);
+                    continue;
+                }
                 let child = index * LANES as u32 + lane;
                 if level == 0 {
                     self.block(&tree.blocks[child as usize], pieces);
@@ -81,11 +89,17 @@ impl<'a> Walk<'a> {
     #[inline]
     fn give(&mut self, lanes: &Far) {
         let faces = self.igloo.lookup().faces();
-        for lane in 0..LANES {
+        for lane in 0..lanes.count {
             let face = faces[lanes.cell[lane] as usize] as usize;
             let far = self.far[face];
             self.depth[face] += if lanes.distance2[lane] < far * far { lanes.depth[lane] } else { 0.0 };
         }
+    }
+
+    /// A lane that is too large for one lump may still be a thin bundle.
+    #[inline]
+    fn bundle(&self, node: &Node, lane: usize) -> Option<Far> {
+        matches!(self.selection, Selection::Clusters { .. }).then(|| self.view.bundle(node, lane)).flatten()
     }
 
     /// Whether thinning leaves out everything in a lane: it keeps most where the hair is nearest.
@@ -156,7 +170,7 @@ impl<'a> Walk<'a> {
             let width = |u: f32| widths[0] + (widths[1] - widths[0]) * u;
             let rotate = self.receiver.frame.transpose();
             let part = Segment { a: rotate * at(from), b: rotate * at(to), widths: [width(from), width(to)] };
-            project(self.igloo, &part, SLICE_WIDTH, &|face| self.far[face], pieces);
+            project(self.igloo, &part, self.slice_width, &|face| self.far[face], pieces);
             for piece in pieces.iter() {
                 let opacity = match self.tree.rule {
                     Transmittance::Crossing => block.opacity[lane],
