@@ -26,7 +26,7 @@ use super::igloo::Igloo;
 use super::lanes::{Block, LANES, Lanes, NOWHERE, Node, exponentials};
 use super::layer::Transmittance;
 use super::projection::Piece;
-use super::walk::Walk;
+use super::walk::{Walk, Whole};
 use crate::hair::HairModel;
 
 /// Which hair is projected, and how.
@@ -109,7 +109,7 @@ impl ClusterTree {
             return;
         }
         let Some(parts) = igloo.parts() else {
-            Walk::new(self, receiver, igloo, igloo.face_width(), selection, far, depth, model).run(scratch);
+            Walk::new(self, receiver, igloo, igloo.face_width(), selection, far, depth, model, None).run(scratch);
             return;
         };
         let (mut part_depth, mut part_far) = (std::mem::take(&mut scratch.depth), std::mem::take(&mut scratch.far));
@@ -117,7 +117,10 @@ impl ClusterTree {
         part_depth.resize(parts.igloo.len(), 0.0);
         part_far.clear();
         part_far.extend(parts.face.iter().map(|&face| far[face as usize]));
-        Walk::new(self, receiver, &parts.igloo, igloo.face_width(), selection, &part_far, &mut part_depth, model)
+        let weight = 1.0 / parts.per_face as f32;
+        let whole = Some(Whole { face: &parts.face, share: weight, depth: &mut *depth });
+        let width = igloo.face_width();
+        Walk::new(self, receiver, &parts.igloo, width, selection, &part_far, &mut part_depth, model, whole)
             .run(scratch);
         exponentials(&mut part_depth);
         let sums = &mut part_far;
@@ -126,7 +129,6 @@ impl ClusterTree {
         for (&gamma, &face) in part_depth.iter().zip(&parts.face) {
             sums[face as usize] += gamma;
         }
-        let weight = 1.0 / parts.per_face as f32;
         for (depth, sum) in depth.iter_mut().zip(sums.iter()) {
             *depth -= (sum * weight).min(1.0).ln();
         }

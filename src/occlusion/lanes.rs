@@ -16,6 +16,10 @@ pub type Lanes = [f32; LANES];
 /// Coordinate of lanes that hold nothing: far away from everything, and its square is finite.
 pub const NOWHERE: f32 = 1e15;
 
+/// Half the length of a lump of a single strand, in face widths. Longer ones put the hair of several faces into one, which leaves
+/// the others too free.
+const STRIDE: f32 = 0.7;
+
 /// Mean chord of a square of side 1 under random lines, each weighted by its length: what a point of a strand lies on.
 const MEAN_CHORD: f32 = 0.9463;
 
@@ -67,6 +71,8 @@ pub struct View {
     axes: [[f32; 3]; 3],
     /// Square of the angular radius below which a lane is far.
     limit: f32,
+    /// Square of the angular half length up to which a piece of hair is one lump of its face.
+    stride2: f32,
     /// Square of the angular width from which on a segment is cut into slices.
     slice2: f32,
     /// 1 / solid angle of a face.
@@ -134,6 +140,7 @@ impl View {
             position: position.to_array(),
             axes: frame.to_cols_array_2d(),
             limit,
+            stride2: limit.min((STRIDE * igloo.face_width()).powi(2)),
             slice2: slice * slice,
             face_weight: 1.0 / igloo.face_solid_angle(),
             crossing: MEAN_CHORD / igloo.face_width(),
@@ -240,7 +247,7 @@ impl View {
     /// In how many lumps a segment must be taken so that each is far: 2, 4, 8 or 16, or more than that.
     #[inline]
     fn lumps(&self, along: Vec3, nearest2: f32) -> Option<usize> {
-        let bound = 4.0 * self.limit * nearest2;
+        let bound = 4.0 * self.stride2 * nearest2;
         let length2 = along.length_squared();
         [2, 4, 8, 16].into_iter().find(|&count| length2 < (count * count) as f32 * bound)
     }
@@ -390,7 +397,7 @@ fn block_lanes(view: &View, block: &Block) -> Far {
         let width = 0.5 * (block.widths[0][lane] + block.widths[1][lane]);
         let distance = d2.sqrt();
         let solid_angle = width * (p * p + q * q + r * r).sqrt() / (d2 * distance);
-        let far = (0.25 * length2 < view.limit * d2) & (width * width < view.slice2 * d2);
+        let far = (0.25 * length2 < view.stride2 * d2) & (width * width < view.slice2 * d2);
         let opacity = block.opacity[lane];
         let saturation = saturation(opacity * view.crossing * width / distance);
         depth[lane] = if far { solid_angle * view.face_weight * opacity * saturation } else { 0.0 };

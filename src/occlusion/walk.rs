@@ -8,6 +8,9 @@ use super::layer::{Transmittance, optical_depth};
 use super::projection::{Piece, SLICE_WIDTH, Segment, project};
 use crate::hair::HairModel;
 
+/// Lumps of a smaller angular radius than this many face widths are given to one face of a cut.
+const PART: f32 = 0.7;
+
 /// What is the same on the whole way.
 pub struct Walk<'a> {
     tree: &'a ClusterTree,
@@ -22,6 +25,20 @@ pub struct Walk<'a> {
     face_weight: f32,
     /// Greatest width of a slice, in face widths of `igloo`.
     slice_width: f32,
+    /// Square of half the width of a face of `igloo`: lumps of a smaller angular radius lie in one.
+    part2: f32,
+    /// Where `igloo` is a cut: the whole faces, which lumps go to.
+    whole: Option<Whole<'a>>,
+}
+
+/// The faces that an igloo's faces are parts of. A lump may be wider than a part: it is spread over the whole face, for put into
+/// one part it would leave the others too free.
+pub struct Whole<'a> {
+    pub face: &'a [u32],
+    /// Share of a face that a part is.
+    pub share: f32,
+    /// Optical depths of the faces; added to.
+    pub depth: &'a mut [f32],
 }
 
 impl<'a> Walk<'a> {
@@ -36,6 +53,7 @@ impl<'a> Walk<'a> {
         far: &'a [f32],
         depth: &'a mut [f32],
         model: &'a HairModel,
+        whole: Option<Whole<'a>>,
     ) -> Self {
         let limit = match selection {
             // Half a radian at most: nearer than twice its radius no cluster is a lump.
@@ -43,10 +61,11 @@ impl<'a> Walk<'a> {
             _ => 0.0,
         };
         let slice = SLICE_WIDTH * width;
+        let part2 = (PART * igloo.face_width()).powi(2);
         let view = View::new(receiver.position, receiver.frame, igloo, limit, slice);
         let slice_width = slice / igloo.face_width();
         let face_weight = 1.0 / igloo.face_solid_angle();
-        Self { tree, receiver, igloo, selection, view, far, depth, model, face_weight, slice_width }
+        Self { tree, receiver, igloo, selection, view, far, depth, model, face_weight, slice_width, part2, whole }
     }
 
     /// Goes from the root to all that is near.
@@ -66,13 +85,14 @@ impl<'a> Walk<'a> {
                     prefetch(&tree.levels[level as usize - 1][(index * LANES as u32 + lane) as usize]);
                 }
             }
-            self.give(&far);
+            self.give_lumps(&far, |lane| node.radius[lane]);
             for lane in bits(far.near) {
                 if self.passes_by(node, lane as usize, far.distance2[lane as usize]) {
                     continue;
                 }
                 if let Some(bundle) = self.bundle(node, lane as usize) {
-                    self.give(&bundle);
+                    let thickness = node.thickness[lane as usize];
+                    self.give_lumps(&bundle, |_| thickness);
                     continue;
                 }
                 let child = index * LANES as u32 + lane;
@@ -81,6 +101,23 @@ impl<'a> Walk<'a> {
                 } else {
                     stack.push((level - 1, child));
                 }
+            }
+        }
+    }
+
+    /// Gives clusters' optical depths to their faces: where the igloo holds parts, those that are wider than a part to whole faces.
+    #[inline]
+    fn give_lumps(&mut self, lanes: &Far, radius: impl Fn(usize) -> f32) {
+        let Some(whole) = &mut self.whole else { return self.give(lanes) };
+        let faces = self.igloo.lookup().faces();
+        for lane in 0..lanes.count {
+            let part = faces[lanes.cell[lane] as usize] as usize;
+            let (far, distance2, radius) = (self.far[part], lanes.distance2[lane], radius(lane));
+            let depth = if distance2 < far * far { lanes.depth[lane] } else { 0.0 };
+            if radius * radius < self.part2 * distance2 {
+                self.depth[part] += depth;
+            } else {
+                whole.depth[whole.face[part] as usize] += depth * whole.share;
             }
         }
     }
