@@ -8,6 +8,7 @@ pub mod keypath;
 pub mod loaded;
 pub mod overrides;
 mod parse;
+pub mod reference;
 pub mod schema;
 pub mod space;
 pub mod spans;

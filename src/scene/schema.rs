@@ -76,16 +76,9 @@ impl Rule {
     }
 
     pub fn kind(&self) -> Kind {
-        let words = |list: &'static Value| list.as_array().map(|l| l.iter().filter_map(Value::as_str).collect());
-        if let Some(words) = self.body.get("enum").and_then(words) {
+        let words: Vec<&str> = self.choices().map(|(word, _)| word).collect();
+        if !words.is_empty() {
             return Kind::Choice(words);
-        }
-        if let Some(options) = self.body.get("oneOf").and_then(Value::as_array) {
-            let words = options.iter().flat_map(|option| {
-                let several = option.get("enum").and_then(Value::as_array).map(Vec::as_slice).unwrap_or_default();
-                option.get("const").into_iter().chain(several).filter_map(Value::as_str)
-            });
-            return Kind::Choice(words.collect());
         }
         let name = match self.body.get("type") {
             Some(Value::String(name)) => Some(name.as_str()),
@@ -101,6 +94,19 @@ impl Rule {
             Some("boolean") => Kind::Flag,
             _ => Kind::Any,
         }
+    }
+
+    /// The words of a choice, each with its meaning.
+    pub fn choices(&self) -> impl Iterator<Item = (&'static str, Option<&'static str>)> + use<> {
+        let list = |key| self.body.get(key).and_then(Value::as_array).into_iter().flatten();
+        let plain = list("enum").filter_map(Value::as_str).map(|word| (word, None));
+        let described = list("oneOf").flat_map(|option| {
+            let meaning = option.get("description").and_then(Value::as_str);
+            let several = option.get("enum").and_then(Value::as_array).into_iter().flatten();
+            let words = option.get("const").into_iter().chain(several).filter_map(Value::as_str);
+            words.map(move |word| (word, meaning))
+        });
+        plain.chain(described)
     }
 
     /// The keys of a table, with their rules.
