@@ -14,7 +14,7 @@ use tress::surface::{SurfaceModel, Surfaces, primitives};
 
 /// What the projection does when nothing else is asked for.
 const FACES: u32 = 100;
-const DEFAULT: Selection = Selection::Clusters { opening: 0.6 };
+const DEFAULT: Selection = Selection::Clusters { opening: 0.7 };
 
 /// The models that both estimators must agree on, by name; each opaque and half-transparent.
 fn models(strands: u32, segments: u32, width: f32) -> Vec<(String, HairModel)> {
@@ -63,9 +63,7 @@ fn projection_and_rays_agree_on_small_models() {
 fn projection_and_rays_agree() {
     for (name, model) in models(50_000, 20, 0.003) {
         let places = [("hair", on_hair(&model, 64)), ("scalp", on_scalp(32)), ("floor", on_floor(-1.6, 32))];
-        // Between the roots lumps are wider than parts of faces, which leaves gaps: measured +.0103 at most.
-        let bound = if name == "Clumps t 0.5" { 0.0125 } else { 0.01 };
-        cross_check(&name, &model, &places, 4096, bound);
+        cross_check(&name, &model, &places, 4096, 0.01);
     }
     for transparency in [0.0, 0.356, 0.5] {
         if let Some(model) = yuksel_straight(transparency) {

@@ -22,7 +22,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::Receiver;
-use super::igloo::Igloo;
+use super::igloo::{Igloo, Span};
 use super::lanes::{Block, LANES, Lanes, NOWHERE, Node, exponentials};
 use super::layer::Transmittance;
 use super::projection::Piece;
@@ -118,7 +118,9 @@ impl ClusterTree {
         part_far.clear();
         part_far.extend(parts.face.iter().map(|&face| far[face as usize]));
         let weight = 1.0 / parts.per_face as f32;
-        let whole = Some(Whole { face: &parts.face, share: weight, depth: &mut *depth });
+        // From a surface, hair is often seen from outside: its outline must not be spread over whole faces.
+        let inside = igloo.span() == Span::Sphere;
+        let whole = inside.then_some(Whole { face: &parts.face, share: weight, depth: &mut *depth });
         let width = igloo.face_width();
         Walk::new(self, receiver, &parts.igloo, width, selection, &part_far, &mut part_depth, model, whole)
             .run(scratch);
@@ -176,9 +178,13 @@ impl Summary {
         let weight = |p: &Self| if mass > 0.0 { p.mass / mass } else { 1.0 / parts.len() as f32 };
         let centroid: Vec3 = parts.iter().map(|p| p.centroid * weight(p)).sum();
         let radius = parts.iter().map(|p| p.centroid.distance(centroid) + p.radius).fold(0.0, f32::max);
-        // Segments have no sense of direction: all are turned to run with the one of most mass.
-        let heaviest = parts.iter().fold(parts[0], |best, p| if p.mass > best.mass { *p } else { best });
-        let turned = |p: &Self| if p.half.dot(heaviest.half) < 0.0 { -p.half } else { p.half };
+        let tensor: [f32; 6] = std::array::from_fn(|i| parts.iter().map(|p| p.tensor[i]).sum());
+        // Segments have no sense of direction: all are turned to run with the tensor's column of the largest diagonal, roughly its
+        // principal direction, whatever the order and sense in which they come.
+        let [xx, yy, zz, xy, xz, yz] = tensor;
+        let columns = [Vec3::new(xx, xy, xz), Vec3::new(xy, yy, yz), Vec3::new(xz, yz, zz)];
+        let along = columns[Vec3::new(xx, yy, zz).max_position()];
+        let turned = |p: &Self| if p.half.dot(along) < 0.0 { -p.half } else { p.half };
         let half: Vec3 = parts.iter().map(|p| turned(p) * weight(p)).sum();
         let beside = |p: &Self| {
             let (offset, lean) = (p.centroid - centroid, turned(p) - half);
@@ -190,7 +196,7 @@ impl Summary {
             half,
             thickness: parts.iter().map(beside).fold(0.0, f32::max),
             mass,
-            tensor: std::array::from_fn(|i| parts.iter().map(|p| p.tensor[i]).sum()),
+            tensor,
             least_hash: parts.iter().map(|p| p.least_hash).fold(f32::INFINITY, f32::min),
         }
     }

@@ -60,8 +60,8 @@ pub struct Parts {
 const TABLE: usize = 1024;
 
 /// A face is cut in this many parts, squared. From a surface, hair is often seen from outside, with an outline: more parts, and cheap.
-const SPHERE_CUTS: u32 = 2;
-const HEMISPHERE_CUTS: u32 = 3;
+const SPHERE_CUTS: u32 = 3;
+const HEMISPHERE_CUTS: u32 = 4;
 
 impl Igloo {
     /// An igloo with `per_hemisphere` faces on each hemisphere that it covers (at least 1). It holds tables: make it once for many points.

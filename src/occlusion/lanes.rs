@@ -194,8 +194,7 @@ impl View {
         let a = lane_of(&node.center) - Vec3::from_array(self.position) - half;
         let nearest2 = nearest2(a, along);
         let thickness = node.thickness[lane];
-        // A test that fails for what is not a number.
-        if !(thickness * thickness < self.limit * nearest2) {
+        if thickness * thickness >= self.limit * nearest2 {
             return None;
         }
         let bundle = Bundle { a, along, mass: node.mass[lane], tensor: node.tensor.map(|t| t[lane]) };

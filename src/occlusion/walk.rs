@@ -2,7 +2,7 @@
 
 use super::Receiver;
 use super::clusters::{ClusterTree, Scratch, Selection};
-use super::igloo::Igloo;
+use super::igloo::{Igloo, Span};
 use super::lanes::{Block, Far, LANES, Node, Thread, View, bits, prefetch};
 use super::layer::{Transmittance, optical_depth};
 use super::projection::{Piece, SLICE_WIDTH, Segment, project};
@@ -10,6 +10,9 @@ use crate::hair::HairModel;
 
 /// Lumps of a smaller angular radius than this many face widths are given to one face of a cut.
 const PART: f32 = 0.7;
+
+/// From a surface, hair has an outline, which lumps blur: they must be smaller by this factor there.
+const OUTLINE_CAUTION: f32 = 0.5;
 
 /// What is the same on the whole way.
 pub struct Walk<'a> {
@@ -55,9 +58,10 @@ impl<'a> Walk<'a> {
         model: &'a HairModel,
         whole: Option<Whole<'a>>,
     ) -> Self {
+        let caution = if igloo.span() == Span::Hemisphere { OUTLINE_CAUTION } else { 1.0 };
         let limit = match selection {
             // Half a radian at most: nearer than twice its radius no cluster is a lump.
-            Selection::Clusters { opening } => (opening * width).min(0.5).powi(2),
+            Selection::Clusters { opening } => (opening * caution * width).min(0.5).powi(2),
             _ => 0.0,
         };
         let slice = SLICE_WIDTH * width;

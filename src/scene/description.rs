@@ -458,7 +458,7 @@ impl Default for Occlusion {
         Self {
             mode: OcclusionMode::Igloo,
             faces: 100,
-            opening: 1.0,
+            opening: 0.7,
             transmittance: TransmittanceRule::Crossing,
             unit_length: 1.0,
             thinning: None,
