@@ -116,6 +116,9 @@ pub struct Far {
     pub distance2: Lanes,
     /// Bit `i`: lane `i` is near and must be opened or projected by itself.
     pub near: u32,
+    /// Near segments that are far when they are taken in two or in four lumps.
+    pub in_two: u32,
+    pub in_four: u32,
     /// Lanes that are in use, from the first.
     pub count: usize,
 }
@@ -124,7 +127,15 @@ impl Far {
     /// Fewer lanes than there is room for.
     #[inline(always)]
     fn of<const N: usize>(cell: &[u32; N], depth: &[f32; N], distance2: &[f32; N]) -> Self {
-        let mut far = Self { cell: [0; LANES], depth: [0.0; LANES], distance2: [0.0; LANES], near: 0, count: N };
+        let mut far = Self {
+            cell: [0; LANES],
+            depth: [0.0; LANES],
+            distance2: [0.0; LANES],
+            near: 0,
+            in_two: 0,
+            in_four: 0,
+            count: N,
+        };
         far.cell[..N].copy_from_slice(cell);
         far.depth[..N].copy_from_slice(depth);
         far.distance2[..N].copy_from_slice(distance2);
@@ -183,6 +194,22 @@ impl View {
             return unsafe { block_avx2(self, block) };
         }
         block_lanes(self, block)
+    }
+
+    /// Projects the `wanted` segments of a block in `count` lumps each, and hands on a lump of all of them at a time.
+    #[inline]
+    pub fn lumps_of(&self, block: &Block, count: u32, wanted: u32, mut take: impl FnMut(&Far)) {
+        let share = 1.0 / count as f32;
+        for i in 0..count {
+            let s = (i as f32 + 0.5) * share;
+            #[cfg(target_arch = "x86_64")]
+            if self.wide {
+                // SAFETY: `wide` is true only where the processor has AVX2.
+                take(&unsafe { block_lumps_avx2(self, block, s, share, wanted) });
+                continue;
+            }
+            take(&block_lumps(self, block, s, share, wanted));
+        }
     }
 
     /// Projects a lane's child as a bundle of parallel hair, where it is thin: lumps along its mean segment.
@@ -345,7 +372,8 @@ fn node_lanes(view: &View, node: &Node) -> Far {
         toward[1][lane] = y;
         toward[2][lane] = z;
     }
-    Far { cell: view.cells(&toward, &mut depth), depth, distance2, near: mask(&near), count: LANES }
+    let cell = view.cells(&toward, &mut depth);
+    Far { cell, depth, distance2, near: mask(&near), in_two: 0, in_four: 0, count: LANES }
 }
 
 /// Root of the mean squared sine between the hair of a cluster and the direction (x, y, z) of squared length `d2`.
@@ -380,33 +408,70 @@ fn bundle_lanes<const N: usize>(view: &View, bundle: &Bundle) -> Far {
 
 #[inline(always)]
 fn block_lanes(view: &View, block: &Block) -> Far {
+    let mut far = block_lumps(view, block, 0.5, 1.0, u32::MAX);
+    let [mut near, mut in_two, mut in_four] = [[0_u32; LANES]; 3];
+    for lane in 0..LANES {
+        let (u, v, w) = (
+            block.b[0][lane] - block.a[0][lane],
+            block.b[1][lane] - block.a[1][lane],
+            block.b[2][lane] - block.a[2][lane],
+        );
+        let length2 = u * u + v * v + w * w;
+        let d2 = far.distance2[lane];
+        let width = 0.5 * (block.widths[0][lane] + block.widths[1][lane]);
+        let narrow = width * width < view.slice2 * d2;
+        let one = (0.25 * length2 < view.stride2 * d2) & narrow;
+        // No point of the segment is nearer than its middle less half its length.
+        let gap = d2.sqrt() - 0.5 * length2.sqrt();
+        let gap2 = gap * gap.abs();
+        let narrow = width * width < view.slice2 * gap2;
+        near[lane] = u32::from(!one);
+        in_two[lane] = u32::from(!one & narrow & (length2 < 16.0 * view.stride2 * gap2));
+        in_four[lane] = u32::from(!one & narrow & (length2 < 64.0 * view.stride2 * gap2));
+        far.depth[lane] = if one { far.depth[lane] } else { 0.0 };
+    }
+    (far.near, far.in_two) = (mask(&near), mask(&in_two));
+    far.in_four = mask(&in_four) & !far.in_two;
+    far
+}
+
+/// One lump of each segment of a block: the part of length `share` around the parameter `s`. Lanes outside `wanted` get no depth.
+#[inline(always)]
+fn block_lumps(view: &View, block: &Block, s: f32, share: f32, wanted: u32) -> Far {
     let mut toward = [[0.0; LANES]; 3];
     let mut depth = [0.0; LANES];
     let mut distance2 = [0.0; LANES];
-    let mut near = [0_u32; LANES];
     for lane in 0..LANES {
-        let end = |ends: &[Lanes; 3], axis: usize| ends[axis][lane] - view.position[axis];
-        let a: [f32; 3] = [end(&block.a, 0), end(&block.a, 1), end(&block.a, 2)];
-        let b: [f32; 3] = [end(&block.b, 0), end(&block.b, 1), end(&block.b, 2)];
-        let [x, y, z] = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])];
-        let [u, v, w] = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
+        let (u, v, w) = (
+            block.b[0][lane] - block.a[0][lane],
+            block.b[1][lane] - block.a[1][lane],
+            block.b[2][lane] - block.a[2][lane],
+        );
+        let x = block.a[0][lane] - view.position[0] + s * u;
+        let y = block.a[1][lane] - view.position[1] + s * v;
+        let z = block.a[2][lane] - view.position[2] + s * w;
         let d2 = x * x + y * y + z * z;
-        let length2 = u * u + v * v + w * w;
-        let [p, q, r] = [v * z - w * y, w * x - u * z, u * y - v * x];
-        let width = 0.5 * (block.widths[0][lane] + block.widths[1][lane]);
+        let (p, q, r) = (v * z - w * y, w * x - u * z, u * y - v * x);
+        let width = block.widths[0][lane] + s * (block.widths[1][lane] - block.widths[0][lane]);
         let distance = d2.sqrt();
-        let solid_angle = width * (p * p + q * q + r * r).sqrt() / (d2 * distance);
-        let far = (0.25 * length2 < view.stride2 * d2) & (width * width < view.slice2 * d2);
+        let solid_angle = width * share * (p * p + q * q + r * r).sqrt() / (d2 * distance);
         let opacity = block.opacity[lane];
         let saturation = saturation(opacity * view.crossing * width / distance);
-        depth[lane] = if far { solid_angle * view.face_weight * opacity * saturation } else { 0.0 };
+        let lump = solid_angle * view.face_weight * opacity * saturation;
+        depth[lane] = if wanted >> lane & 1 == 1 { lump } else { 0.0 };
         distance2[lane] = d2;
-        near[lane] = u32::from(!far);
         toward[0][lane] = x;
         toward[1][lane] = y;
         toward[2][lane] = z;
     }
-    Far { cell: view.cells(&toward, &mut depth), depth, distance2, near: mask(&near), count: LANES }
+    let cell = view.cells(&toward, &mut depth);
+    Far { cell, depth, distance2, near: 0, in_two: 0, in_four: 0, count: LANES }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn block_lumps_avx2(view: &View, block: &Block, s: f32, share: f32, wanted: u32) -> Far {
+    block_lumps(view, block, s, share, wanted)
 }
 
 /// -ln(1 - x) / x, to 1e-6 for x up to 1/2 and to 2e-3 for x up to 0.8, where a strand is as wide as a part of a face.

@@ -155,9 +155,20 @@ impl<'a> Walk<'a> {
     }
 
     fn block(&mut self, block: &Block, pieces: &mut Vec<Piece>) {
-        let far = self.view.block(block);
+        let mut far = self.view.block(block);
         if !matches!(self.selection, Selection::Thinned { .. }) {
             self.give(&far);
+        }
+        if matches!(self.selection, Selection::Clusters { .. }) && self.tree.rule == Transmittance::Crossing {
+            let view = self.view;
+            // As many segments at once as pay for the lanes that stay idle.
+            for (count, lanes) in [(2, far.in_two), (4, far.in_four)] {
+                let lanes = lanes & !self.own(block, lanes);
+                if lanes.count_ones() > 2 {
+                    view.lumps_of(block, count, lanes, |lumps| self.give(lumps));
+                    far.near &= !lanes;
+                }
+            }
         }
         for lane in bits(far.near) {
             let lane = lane as usize;
@@ -176,6 +187,13 @@ impl<'a> Walk<'a> {
             };
             self.near_segment(block, lane, weight, pieces);
         }
+    }
+
+    /// Those of a block's lanes that are of the receiver's own strand.
+    fn own(&self, block: &Block, lanes: u32) -> u32 {
+        let Some(on) = self.receiver.on else { return 0 };
+        let own = bits(lanes).filter(|&lane| self.model.strand[block.segment[lane as usize] as usize] == on.strand);
+        own.fold(0, |mask, lane| mask | 1 << lane)
     }
 
     fn near_segment(&mut self, block: &Block, lane: usize, weight: f32, pieces: &mut Vec<Piece>) {
