@@ -62,7 +62,7 @@ impl Effects {
             reflection,
             projected_occlusion: hair && incident && mode == OcclusionMode::Igloo,
             raytraced_occlusion,
-            hair_rays: hair && (raytraced_occlusion || direct_lights || reflection),
+            hair_rays: hair && (raytraced_occlusion || direct_lights || reflection && mode != OcclusionMode::None),
             highlight: hair && scene.hair_objects.iter().any(|object| object.specular != glam::Vec3::ZERO),
             unoccluded_layer: description.output.layers.contains(&Layer::EnvironmentUnoccluded),
         }

@@ -7,6 +7,7 @@ pub mod embree;
 pub mod fragment;
 pub mod hair;
 pub mod hash;
+pub mod igloo;
 pub mod illumination;
 pub mod image;
 pub mod occlusion;

@@ -80,6 +80,13 @@ fn white_hair_in_a_furnace_is_as_bright_as_the_sky() {
 }
 
 #[test]
+fn without_occlusion_hair_does_not_dim_what_surfaces_reflect() {
+    // A white ball under its hair: each face's ray meets sky or a surface that is as bright as the sky.
+    let (film, _) = whole(FURNACE, &["surface[0].visible=true", "surface[0].color=[1, 1, 1]"]);
+    assert!(covered(&film).iter().all(|value| (value - 1.0).abs() < 0.01), "{:?}", covered(&film));
+}
+
+#[test]
 fn a_highlight_in_a_furnace_takes_its_share() {
     let (film, _) = whole(FURNACE, &["hair[0].color=[0.6, 0.6, 0.6]", "hair[0].specular=[0.4, 0.4, 0.4]"]);
     let values = covered(&film);

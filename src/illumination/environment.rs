@@ -8,7 +8,7 @@ use std::f32::consts::{PI, TAU};
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
-use crate::occlusion::{Igloo, Span};
+use crate::igloo::{Igloo, Span};
 
 /// Where the radiance comes from. Directions are in the map's axes, y up.
 #[derive(Clone, Debug)]
@@ -223,7 +223,7 @@ mod tests {
             let energy = f64::from(sum * igloo.face_solid_angle());
             assert!((energy / exact - 1.0).abs() < 1e-4, "{faces} faces: {energy} against {exact}");
             let mut turned = Vec::new();
-            environment.turned_averages(&igloo, &crate::occlusion::frame_around(Vec3::X), &mut turned);
+            environment.turned_averages(&igloo, &crate::igloo::frame_around(Vec3::X), &mut turned);
             let energy = f64::from(turned.iter().map(|m| m.x).sum::<f32>() * igloo.face_solid_angle());
             assert!((energy / exact - 1.0).abs() < 1e-4, "{faces} faces, turned: {energy} against {exact}");
         }

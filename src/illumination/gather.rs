@@ -10,7 +10,7 @@ use glam::Vec3;
 
 use super::{DirectLight, Environment, RectLight, lights::Incident};
 use crate::hash::{hash, to_unit};
-use crate::occlusion::{Igloo, Span, frame_around};
+use crate::igloo::{Igloo, Span, frame_around};
 use crate::surface::{SurfacePoint, Surfaces};
 
 /// Purposes of random numbers.

@@ -22,12 +22,12 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::Receiver;
-use super::igloo::{Igloo, Span};
 use super::lanes::{Block, LANES, Lanes, NOWHERE, Node, exponentials};
 use super::layer::Transmittance;
 use super::projection::Piece;
 use super::walk::{Walk, Whole};
 use crate::hair::HairModel;
+use crate::igloo::{Igloo, Span};
 
 /// Which hair is projected, and how.
 #[derive(Clone, Copy, Debug, PartialEq)]

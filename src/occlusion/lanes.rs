@@ -6,7 +6,7 @@
 
 use glam::{Mat3, Vec3};
 
-use super::igloo::{Igloo, Span};
+use crate::igloo::{Igloo, Span};
 
 /// Lanes of a node and of a block.
 pub const LANES: usize = 16;

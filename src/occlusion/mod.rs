@@ -5,10 +5,8 @@
 //! surface, whose distance per face the caller knows.
 
 pub mod clusters;
-pub mod igloo;
 mod lanes;
 pub mod layer;
-pub mod lookup;
 pub mod projection;
 pub mod raytraced;
 mod walk;
@@ -16,11 +14,11 @@ mod walk;
 use glam::{Mat3, Vec3};
 
 pub use clusters::{ClusterTree, Selection};
-pub use igloo::{Igloo, Span};
 pub use layer::Transmittance;
 pub use raytraced::HairRays;
 
 use crate::hair::OnStrand;
+pub use crate::igloo::{Igloo, Span, frame_around};
 
 /// The point for which Γ is asked.
 #[derive(Clone, Copy, Debug)]
@@ -31,14 +29,4 @@ pub struct Receiver {
     pub on: Option<OnStrand>,
     /// The igloo's axes in render space, as columns; an orthonormal matrix.
     pub frame: Mat3,
-}
-
-/// A frame whose z axis is the unit vector `normal` (Duff et al. 2017, "Building an Orthonormal Basis, Revisited").
-pub fn frame_around(normal: Vec3) -> Mat3 {
-    let sign = 1.0_f32.copysign(normal.z);
-    let a = -1.0 / (sign + normal.z);
-    let b = normal.x * normal.y * a;
-    let x = Vec3::new(1.0 + sign * normal.x * normal.x * a, sign * b, -sign * normal.x);
-    let y = Vec3::new(b, sign + normal.y * normal.y * a, -normal.y);
-    Mat3::from_cols(x, y, normal)
 }

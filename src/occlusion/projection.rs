@@ -10,7 +10,7 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use super::igloo::{Igloo, Ring, Span};
+use crate::igloo::{Igloo, Ring, Span};
 
 /// A slice of a segment: the part `from..to` of the line `foot + s axis`, `angle` radians wide about the axis.
 #[derive(Clone, Copy, Debug)]

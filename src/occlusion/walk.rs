@@ -2,11 +2,11 @@
 
 use super::Receiver;
 use super::clusters::{ClusterTree, Scratch, Selection};
-use super::igloo::{Igloo, Span};
 use super::lanes::{Block, Far, LANES, Node, Thread, View, bits, prefetch};
 use super::layer::{Transmittance, optical_depth};
 use super::projection::{Piece, SLICE_WIDTH, Segment, project};
 use crate::hair::HairModel;
+use crate::igloo::{Igloo, Span};
 
 /// Lumps of a smaller angular radius than this many face widths are given to one face of a cut.
 const PART: f32 = 0.7;

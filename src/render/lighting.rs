@@ -275,7 +275,11 @@ impl<'s> Lighting<'s> {
     ) {
         let begin = Instant::now();
         let solid_angle = igloo.face_solid_angle();
-        let hair = |origin, direction, far| self.through_hair(origin, direction, far, None);
+        // Without hair occlusion hair does not dim what surfaces reflect either.
+        let free_of_hair = matches!(self.estimator, Estimator::Free);
+        let hair = |origin, direction, far| {
+            if free_of_hair { 1.0 } else { self.through_hair(origin, direction, far, None) }
+        };
         for face in 0..igloo.len() {
             let free = reflect(face) * solid_angle;
             let weight = free * gamma[face];

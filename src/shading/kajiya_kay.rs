@@ -132,7 +132,7 @@ fn sine(cosine: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::occlusion::{Igloo, Span};
+    use crate::igloo::{Igloo, Span};
 
     fn furnace(point: &KajiyaKay, faces: u32) -> f32 {
         let igloo = Igloo::new(Span::Sphere, faces);

@@ -5,7 +5,7 @@
 
 use glam::Vec3;
 
-use super::igloo::{Igloo, Span};
+use super::{Igloo, Span};
 
 /// Cells of the square for each face of a whole sphere.
 const CELLS_PER_FACE: usize = 16;

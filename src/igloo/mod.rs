@@ -4,11 +4,13 @@
 //! face counts K_i are rounded first and the boundaries put at z_i = 1 - K_i / M (Archimedes: a zone's area is its height),
 //! so every face has 2π / M steradians to rounding, for any M. Directions are unit vectors in the igloo's own frame, z up.
 
+pub mod lookup;
+
 use std::f32::consts::{PI, TAU};
 
-use glam::Vec3;
+use glam::{Mat3, Vec3};
 
-use super::lookup::FaceTable;
+use lookup::FaceTable;
 
 /// Which part of the sphere an igloo covers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -248,6 +250,16 @@ fn cumulative_counts(m: u32) -> Vec<u32> {
         }
     }
     counts
+}
+
+/// A frame whose z axis is the unit vector `normal` (Duff et al. 2017, "Building an Orthonormal Basis, Revisited").
+pub fn frame_around(normal: Vec3) -> Mat3 {
+    let sign = 1.0_f32.copysign(normal.z);
+    let a = -1.0 / (sign + normal.z);
+    let b = normal.x * normal.y * a;
+    let x = Vec3::new(1.0 + sign * normal.x * normal.x * a, sign * b, -sign * normal.x);
+    let y = Vec3::new(b, sign + normal.y * normal.y * a, -normal.y);
+    Mat3::from_cols(x, y, normal)
 }
 
 /// Azimuth of (x, y) in [0, 2π), to 2e-6; 0 for the origin.
