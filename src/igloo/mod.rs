@@ -282,26 +282,14 @@ pub fn azimuth(x: f32, y: f32) -> f32 {
 fn arctangent_unit(x: f32) -> f32 {
     let s = x * x;
     let p = -0.004_054_058_f32;
-    let p = p.mul_add_portable(s, 0.021_861_23);
-    let p = p.mul_add_portable(s, -0.055_909_886);
-    let p = p.mul_add_portable(s, 0.096_420_04);
-    let p = p.mul_add_portable(s, -0.139_085_34);
-    let p = p.mul_add_portable(s, 0.199_465_36);
-    let p = p.mul_add_portable(s, -0.333_298_56);
-    let p = p.mul_add_portable(s, 0.999_999_3);
+    let p = p * s + 0.021_861_23;
+    let p = p * s - 0.055_909_886;
+    let p = p * s + 0.096_420_04;
+    let p = p * s - 0.139_085_34;
+    let p = p * s + 0.199_465_36;
+    let p = p * s - 0.333_298_56;
+    let p = p * s + 0.999_999_3;
     p * x
-}
-
-/// `a * b + c` in two roundings: `f32::mul_add` is a library call on processors without FMA.
-trait MulAddPortable {
-    fn mul_add_portable(self, b: f32, c: f32) -> f32;
-}
-
-impl MulAddPortable for f32 {
-    #[inline(always)]
-    fn mul_add_portable(self, b: f32, c: f32) -> f32 {
-        self * b + c
-    }
 }
 
 #[cfg(test)]

@@ -28,14 +28,14 @@ pub struct Walk<'a> {
     face_weight: f32,
     /// Greatest width of a slice, in face widths of `igloo`.
     slice_width: f32,
-    /// Square of half the width of a face of `igloo`: lumps of a smaller angular radius lie in one.
+    /// Square of the angular radius (`PART`) below which a lump is given to one face of `igloo`.
     part2: f32,
-    /// Where `igloo` is a cut: the whole faces, which lumps go to.
+    /// Where `igloo` is a cut seen from hair: the whole faces, which wider lumps go to.
     whole: Option<Whole<'a>>,
 }
 
-/// The faces that an igloo's faces are parts of. A lump may be wider than a part: it is spread over the whole face, for put into
-/// one part it would leave the others too free.
+/// The faces that an igloo's faces are parts of. A lump wider than a part is spread over the whole face: put into one part it would
+/// leave the others too free.
 pub struct Whole<'a> {
     pub face: &'a [u32],
     /// Share of a face that a part is.
