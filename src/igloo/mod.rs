@@ -279,7 +279,7 @@ pub fn azimuth(x: f32, y: f32) -> f32 {
 
 /// atan on [0, 1] by an odd minimax polynomial of degree 15, error below 2e-6.
 #[inline]
-fn arctangent_unit(x: f32) -> f32 {
+pub fn arctangent_unit(x: f32) -> f32 {
     let s = x * x;
     let p = -0.004_054_058_f32;
     let p = p * s + 0.021_861_23;

@@ -4,41 +4,15 @@
 //! has the children `16 i .. 16 i + 16` of the level below, and blocks of 16 segments are the lowest level. Node lanes and
 //! block lanes are structures of arrays, 16 wide.
 //!
-//! A lane is far when its radius is below κ · face width · distance (κ: `Selection::Clusters::opening`); it then gives its whole
-//! optical depth to one part of a face, that of its centroid. τ is additive, so this is every segment by itself as κ -> 0.
-//!
-//! Two errors of opposite sign remain, and shrink only together. Γ of a part takes its hair for evenly spread, which loses the
-//! light of gaps and outlines; lumps wider than a part leave gaps that are not there. Measured against 4,096 rays a point, 50,000
-//! strands of 20 segments, 100 faces a hemisphere, κ = 0.6, root mean square of sky visibility (opaque, half-transparent):
-//!
-//! | model               | on hair    | between roots | on the floor |
-//! |---------------------|------------|---------------|--------------|
-//! | random ball         | .004, .003 | .006, .008    | .004, .004   |
-//! | clumps of 25        | .004, .004 | .010, .011    | .010, .007   |
-//! | curls               | .002, .001 | .000, .001    | .008, .005   |
-//! | a real head of hair | .005, .003 |               | .004, .003   |
+//! A child is a lump where its extent is below the opening (an angle) times its distance; a bundle of parallel hair that is thin enough
+//! is a row of lumps along its mean segment. τ is additive, so this is every segment by itself as the opening goes to 0.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::Receiver;
-use super::lanes::{Block, LANES, Lanes, NOWHERE, Node, exponentials};
+use super::lanes::{Block, LANES, Lanes, NOWHERE, Node};
 use super::layer::Transmittance;
-use super::projection::Piece;
-use super::walk::{Walk, Whole};
 use crate::hair::HairModel;
-use crate::igloo::{Igloo, Span};
-
-/// Which hair is projected, and how.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Selection {
-    /// Every segment by itself.
-    All,
-    /// Far hair in lumps: those of a radius below `opening` face widths.
-    Clusters { opening: f32 },
-    /// The paper's thinning: a share `fraction` of the strands (5.1), and at n times `distance_unit` one in n of those (5.2).
-    Thinned { fraction: f32, distance_unit: f32 },
-}
 
 /// The tree.
 #[derive(Debug)]
@@ -46,17 +20,6 @@ pub struct ClusterTree {
     pub(super) blocks: Vec<Block>,
     /// Levels of nodes, lowest first; the last has one node.
     pub(super) levels: Vec<Vec<Node>>,
-    pub(super) rule: Transmittance,
-}
-
-/// Buffers that one thread keeps from point to point.
-#[derive(Debug, Default)]
-pub struct Scratch {
-    pub(super) pieces: Vec<Piece>,
-    pub(super) stack: Vec<(u32, u32)>,
-    /// Optical depth and squared distance of the first surface, for each part of a face.
-    depth: Vec<f32>,
-    far: Vec<f32>,
 }
 
 impl ClusterTree {
@@ -82,59 +45,13 @@ impl ClusterTree {
                 break;
             }
         }
-        Self { blocks, levels, rule }
+        Self { blocks, levels }
     }
 
     /// Memory held, in bytes.
     pub fn bytes(&self) -> usize {
         let nodes: usize = self.levels.iter().map(Vec::len).sum();
         self.blocks.len() * size_of::<Block>() + nodes * size_of::<Node>()
-    }
-
-    /// Adds the optical depth of the hair in each face to `depth`. `far[face]` is the distance of the first opaque surface.
-    ///
-    /// Of a face that is cut in parts it is that of the parts' mean transmittance, at the same distance of the surface.
-    #[expect(clippy::too_many_arguments, reason = "one query in full: where, over what, how finely")]
-    pub fn optical_depths(
-        &self,
-        receiver: &Receiver,
-        igloo: &Igloo,
-        selection: Selection,
-        far: &[f32],
-        depth: &mut [f32],
-        model: &HairModel,
-        scratch: &mut Scratch,
-    ) {
-        if self.blocks.is_empty() {
-            return;
-        }
-        let Some(parts) = igloo.parts() else {
-            Walk::new(self, receiver, igloo, igloo.face_width(), selection, far, depth, model, None).run(scratch);
-            return;
-        };
-        let (mut part_depth, mut part_far) = (std::mem::take(&mut scratch.depth), std::mem::take(&mut scratch.far));
-        part_depth.clear();
-        part_depth.resize(parts.igloo.len(), 0.0);
-        part_far.clear();
-        part_far.extend(parts.face.iter().map(|&face| far[face as usize]));
-        let weight = 1.0 / parts.per_face as f32;
-        // From a surface, hair is often seen from outside: its outline must not be spread over whole faces.
-        let inside = igloo.span() == Span::Sphere;
-        let whole = inside.then_some(Whole { face: &parts.face, share: weight, depth: &mut *depth });
-        let width = igloo.face_width();
-        Walk::new(self, receiver, &parts.igloo, width, selection, &part_far, &mut part_depth, model, whole)
-            .run(scratch);
-        exponentials(&mut part_depth);
-        let sums = &mut part_far;
-        sums.clear();
-        sums.resize(igloo.len(), 0.0);
-        for (&gamma, &face) in part_depth.iter().zip(&parts.face) {
-            sums[face as usize] += gamma;
-        }
-        for (depth, sum) in depth.iter_mut().zip(sums.iter()) {
-            *depth -= (sum * weight).min(1.0).ln();
-        }
-        (scratch.depth, scratch.far) = (part_depth, part_far);
     }
 }
 
@@ -164,12 +81,13 @@ fn partition(order: &mut [(Vec3, u32)]) {
 struct Summary {
     centroid: Vec3,
     radius: f32,
+    /// Mean squared distance of the hair from the centroid.
+    spread2: f32,
     /// Half the mean segment, and how far beside it the others run.
     half: Vec3,
     thickness: f32,
     mass: f32,
     tensor: [f32; 6],
-    least_hash: f32,
 }
 
 impl Summary {
@@ -178,6 +96,7 @@ impl Summary {
         let weight = |p: &Self| if mass > 0.0 { p.mass / mass } else { 1.0 / parts.len() as f32 };
         let centroid: Vec3 = parts.iter().map(|p| p.centroid * weight(p)).sum();
         let radius = parts.iter().map(|p| p.centroid.distance(centroid) + p.radius).fold(0.0, f32::max);
+        let spread2 = parts.iter().map(|p| weight(p) * (p.centroid.distance_squared(centroid) + p.spread2)).sum();
         let tensor: [f32; 6] = std::array::from_fn(|i| parts.iter().map(|p| p.tensor[i]).sum());
         // Segments have no sense of direction: all are turned to run with the tensor's column of the largest diagonal, roughly its
         // principal direction, whatever the order and sense in which they come.
@@ -190,15 +109,8 @@ impl Summary {
             let (offset, lean) = (p.centroid - centroid, turned(p) - half);
             (offset + lean).length().max((offset - lean).length()) + p.thickness
         };
-        Self {
-            centroid,
-            radius,
-            half,
-            thickness: parts.iter().map(beside).fold(0.0, f32::max),
-            mass,
-            tensor,
-            least_hash: parts.iter().map(|p| p.least_hash).fold(f32::INFINITY, f32::min),
-        }
+        let thickness = parts.iter().map(beside).fold(0.0, f32::max);
+        Self { centroid, radius, spread2, half, thickness, mass, tensor }
     }
 }
 
@@ -210,12 +122,12 @@ fn node_of(children: &[Summary]) -> Node {
     };
     Node {
         center: std::array::from_fn(|axis| lanes(&|c| c.centroid[axis], NOWHERE)),
-        radius: lanes(&|c| c.radius, -1.0),
+        radius: lanes(&|c| c.radius, 0.0),
+        extent: lanes(&|c| (5.0 / 3.0 * c.spread2).sqrt(), 0.0),
         half: std::array::from_fn(|axis| lanes(&|c| c.half[axis], 0.0)),
         thickness: lanes(&|c| c.thickness, f32::INFINITY),
         mass: lanes(&|c| c.mass * sine_factor(c.mass, |i| c.tensor[i]), 0.0),
         tensor: std::array::from_fn(|i| lanes(&|c| c.tensor[i] / c.mass, 0.0)),
-        least_hash: lanes(&|c| c.least_hash, f32::INFINITY),
     }
 }
 
@@ -231,7 +143,7 @@ fn block_of(model: &HairModel, rule: Transmittance, chunk: &[(Vec3, u32)]) -> Bl
         b: std::array::from_fn(|axis| lanes(&|s| model.ends(s)[1][axis], NOWHERE)),
         widths: std::array::from_fn(|end| lanes(&|s| model.widths(s)[end], 0.0)),
         opacity: lanes(&|s| rule.opacity(model.transparency[s], length(s)), 0.0),
-        hash: lanes(&|s| strand_hash(model.strand[s]), f32::INFINITY),
+        strand: std::array::from_fn(|lane| chunk.get(lane).map_or(u32::MAX, |&(_, s)| model.strand[s as usize])),
         segment,
     }
 }
@@ -248,23 +160,15 @@ fn summary(block: &Block) -> Summary {
         *part = Some(Summary {
             centroid: 0.5 * (a + b),
             radius: 0.5 * length,
+            spread2: length * length / 12.0,
             half: 0.5 * along,
             thickness: 0.0,
             mass,
             tensor: [u.x * u.x, u.y * u.y, u.z * u.z, u.x * u.y, u.x * u.z, u.y * u.z].map(|t| t * mass),
-            least_hash: block.hash[lane],
         });
     }
     let parts: Vec<Summary> = parts.into_iter().flatten().collect();
     Summary::join(&parts)
-}
-
-/// A uniform number in [0, 1) for each strand: thinning keeps strands below a bound, so a thinner set lies in a denser one.
-fn strand_hash(strand: u32) -> f32 {
-    let mut x = strand.wrapping_mul(0x9E37_79B9) ^ 0x85EB_CA6B;
-    x = (x ^ (x >> 16)).wrapping_mul(0x21F0_AAAD);
-    x = (x ^ (x >> 15)).wrapping_mul(0x735A_2D97);
-    ((x ^ (x >> 15)) >> 8) as f32 / (1 << 24) as f32
 }
 
 /// What makes Σ m sin θ of the root of Σ m sin² θ Σ m: exact for parallel hair, right in the mean over directions for other hair.

@@ -5,16 +5,21 @@
 //! surface, whose distance per face the caller knows.
 
 pub mod clusters;
+pub mod depth_map;
 mod lanes;
 pub mod layer;
 pub mod projection;
+mod query;
 pub mod raytraced;
+mod ribbon;
 mod walk;
 
 use glam::{Mat3, Vec3};
 
-pub use clusters::{ClusterTree, Selection};
+pub use clusters::ClusterTree;
+pub use depth_map::DepthMap;
 pub use layer::Transmittance;
+pub use query::{Instructions, Scratch};
 pub use raytraced::HairRays;
 
 use crate::hair::OnStrand;

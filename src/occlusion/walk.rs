@@ -1,257 +1,188 @@
 //! One receiver's way through the tree of clusters.
 
-use super::Receiver;
-use super::clusters::{ClusterTree, Scratch, Selection};
-use super::lanes::{Block, Far, LANES, Node, Thread, View, bits, prefetch};
-use super::layer::{Transmittance, optical_depth};
-use super::projection::{Piece, SLICE_WIDTH, Segment, project};
+use super::clusters::ClusterTree;
+use super::query::Scratch;
+use super::depth_map::Corners;
+use super::lanes::{self, ALL, Block, LANES, Lanes, Node, Rods, Splat, View, bits, prefetch};
+use super::ribbon::{self, Ribbon};
+use super::{DepthMap, Receiver};
 use crate::hair::HairModel;
-use crate::igloo::{Igloo, Span};
 
-/// Lumps of a smaller angular radius than this many face widths are given to one face of a cut.
-const PART: f32 = 0.7;
-
-/// From a surface, hair has an outline, which lumps blur: they must be smaller by this factor there.
-const OUTLINE_CAUTION: f32 = 0.5;
-
-/// What is the same on the whole way.
+/// One query: what is the same on the whole way.
 pub struct Walk<'a> {
-    tree: &'a ClusterTree,
-    receiver: &'a Receiver,
-    igloo: &'a Igloo,
-    selection: Selection,
-    view: View,
-    far: &'a [f32],
-    depth: &'a mut [f32],
-    model: &'a HairModel,
-    /// 1 / solid angle of a face.
-    face_weight: f32,
-    /// Greatest width of a slice, in face widths of `igloo`.
-    slice_width: f32,
-    /// Square of the angular radius (`PART`) below which a lump is given to one face of `igloo`.
-    part2: f32,
-    /// Where `igloo` is a cut seen from hair: the whole faces, which wider lumps go to.
-    whole: Option<Whole<'a>>,
+    pub tree: &'a ClusterTree,
+    pub receiver: &'a Receiver,
+    pub map: &'a DepthMap,
+    pub view: View,
+    /// Distance of the first opaque surface in each cell of the map; none where there are no surfaces.
+    pub far: Option<&'a [f32]>,
+    pub model: &'a HairModel,
 }
 
-/// The faces that an igloo's faces are parts of. A lump wider than a part is spread over the whole face: put into one part it would
-/// leave the others too free.
-pub struct Whole<'a> {
-    pub face: &'a [u32],
-    /// Share of a face that a part is.
-    pub share: f32,
-    /// Optical depths of the faces; added to.
-    pub depth: &'a mut [f32],
+/// Rods and segments that are taken in 2, 4 and 8 lumps wait until there are sixteen of a kind.
+#[derive(Debug, Default)]
+pub struct Queues {
+    rods: [(usize, Rods); 3],
+    segments: [(usize, Block); 3],
 }
 
-impl<'a> Walk<'a> {
-    /// `depth` is added to; lumps are opened and ribbons sliced by `width`, the face width that is asked for, of which `igloo` may hold a finer cut.
-    #[expect(clippy::too_many_arguments, reason = "one query in full: where, over what, how finely")]
-    pub fn new(
-        tree: &'a ClusterTree,
-        receiver: &'a Receiver,
-        igloo: &'a Igloo,
-        width: f32,
-        selection: Selection,
-        far: &'a [f32],
-        depth: &'a mut [f32],
-        model: &'a HairModel,
-        whole: Option<Whole<'a>>,
-    ) -> Self {
-        let caution = if igloo.span() == Span::Hemisphere { OUTLINE_CAUTION } else { 1.0 };
-        let limit = match selection {
-            // Half a radian at most: nearer than twice its radius no cluster is a lump.
-            Selection::Clusters { opening } => (opening * caution * width).min(0.5).powi(2),
-            _ => 0.0,
-        };
-        let slice = SLICE_WIDTH * width;
-        let part2 = (PART * igloo.face_width()).powi(2);
-        let view = View::new(receiver.position, receiver.frame, igloo, limit, slice);
-        let slice_width = slice / igloo.face_width();
-        let face_weight = 1.0 / igloo.face_solid_angle();
-        Self { tree, receiver, igloo, selection, view, far, depth, model, face_weight, slice_width, part2, whole }
-    }
+/// Numbers of lumps, one a queue.
+const COUNTS: [u32; 3] = [2, 4, 8];
 
-    /// Goes from the root to all that is near.
-    pub fn run(mut self, scratch: &mut Scratch) {
+/// The queue of a number of lumps.
+fn kind(lumps: u32) -> usize {
+    lumps.trailing_zeros() as usize - 1
+}
+
+impl Walk<'_> {
+    /// Gathers all hair in `scratch.depth`.
+    #[inline(always)]
+    pub fn run(&self, scratch: &mut Scratch) {
         let tree = self.tree;
         let Some(top) = tree.levels.len().checked_sub(1) else { return };
-        let Scratch { pieces, stack, .. } = scratch;
-        stack.clear();
-        stack.push((top as u32, 0));
-        while let Some((level, index)) = stack.pop() {
+        let mut queues = std::mem::take(&mut scratch.queues);
+        scratch.stack.clear();
+        scratch.stack.push((top as u32, 0));
+        let own = self.receiver.on.map_or(u32::MAX, |on| on.strand);
+        while let Some((level, index)) = scratch.stack.pop() {
             let node = &tree.levels[level as usize][index as usize];
-            let far = self.view.node(node);
-            for lane in bits(far.near) {
+            let (splat, distance2, division) = lanes::node(&self.view, node);
+            for lane in bits(division.near) {
+                let child = (index * LANES as u32 + lane) as usize;
                 if level == 0 {
-                    prefetch(&tree.blocks[(index * LANES as u32 + lane) as usize]);
+                    prefetch(&tree.blocks[child]);
                 } else {
-                    prefetch(&tree.levels[level as usize - 1][(index * LANES as u32 + lane) as usize]);
+                    prefetch(&tree.levels[level as usize - 1][child]);
                 }
             }
-            self.give_lumps(&far, |lane| node.radius[lane]);
-            for lane in bits(far.near) {
-                if self.passes_by(node, lane as usize, far.distance2[lane as usize]) {
-                    continue;
-                }
-                if let Some(bundle) = self.bundle(node, lane as usize) {
-                    let thickness = node.thickness[lane as usize];
-                    self.give_lumps(&bundle, |_| thickness);
-                    continue;
-                }
+            self.give(&splat, &distance2, division.one, &mut scratch.depth);
+            for lane in bits(ALL & !(division.one | division.near)) {
+                let lane = lane as usize;
+                let kind = kind(division.lumps[lane]);
+                self.queue_rod(node, lane, kind, &mut queues, &mut scratch.depth);
+            }
+            for lane in bits(division.near) {
                 let child = index * LANES as u32 + lane;
                 if level == 0 {
-                    self.block(&tree.blocks[child as usize], pieces);
+                    self.block(&tree.blocks[child as usize], own, &mut queues, scratch);
                 } else {
-                    stack.push((level - 1, child));
+                    scratch.stack.push((level - 1, child));
                 }
             }
         }
+        for (kind, &count) in COUNTS.iter().enumerate() {
+            let (waiting, rods) = &mut queues.rods[kind];
+            self.give_rods(rods, count, std::mem::take(waiting), &mut scratch.depth);
+            let (waiting, segments) = &mut queues.segments[kind];
+            self.give_segments(segments, count, (1 << std::mem::take(waiting)) - 1, &mut scratch.depth);
+        }
+        scratch.queues = queues;
     }
 
-    /// Gives clusters' optical depths to their faces: where the igloo holds parts, those that are wider than a part to whole faces.
-    #[inline]
-    fn give_lumps(&mut self, lanes: &Far, radius: impl Fn(usize) -> f32) {
-        let Some(whole) = &mut self.whole else { return self.give(lanes) };
-        let faces = self.igloo.lookup().faces();
-        for lane in 0..lanes.count {
-            let part = faces[lanes.cell[lane] as usize] as usize;
-            let (far, distance2, radius) = (self.far[part], lanes.distance2[lane], radius(lane));
-            let depth = if distance2 < far * far { lanes.depth[lane] } else { 0.0 };
-            if radius * radius < self.part2 * distance2 {
-                self.depth[part] += depth;
-            } else {
-                whole.depth[whole.face[part] as usize] += depth * whole.share;
-            }
-        }
-    }
-
-    /// Gives the far lanes' optical depths to their faces.
-    #[inline]
-    fn give(&mut self, lanes: &Far) {
-        let faces = self.igloo.lookup().faces();
-        for lane in 0..lanes.count {
-            let face = faces[lanes.cell[lane] as usize] as usize;
-            let far = self.far[face];
-            self.depth[face] += if lanes.distance2[lane] < far * far { lanes.depth[lane] } else { 0.0 };
-        }
-    }
-
-    /// A lane that is too large for one lump may still be a thin bundle.
-    #[inline]
-    fn bundle(&self, node: &Node, lane: usize) -> Option<Far> {
-        matches!(self.selection, Selection::Clusters { .. }).then(|| self.view.bundle(node, lane)).flatten()
-    }
-
-    /// Whether thinning leaves out everything in a lane: it keeps most where the hair is nearest.
-    fn passes_by(&self, node: &Node, lane: usize, distance2: f32) -> bool {
-        match self.selection {
-            Selection::Thinned { fraction, distance_unit } => {
-                let nearest = (distance2.sqrt() - node.radius[lane]).max(0.0);
-                node.least_hash[lane] >= kept_share(fraction, distance_unit, nearest)
-            }
-            _ => false,
-        }
-    }
-
-    fn block(&mut self, block: &Block, pieces: &mut Vec<Piece>) {
-        let mut far = self.view.block(block);
-        if !matches!(self.selection, Selection::Thinned { .. }) {
-            self.give(&far);
-        }
-        if matches!(self.selection, Selection::Clusters { .. }) && self.tree.rule == Transmittance::Crossing {
-            let view = self.view;
-            // As many segments at once as pay for the lanes that stay idle.
-            for (count, lanes) in [(2, far.in_two), (4, far.in_four)] {
-                let lanes = lanes & !self.own(block, lanes);
-                if lanes.count_ones() > 2 {
-                    view.lumps_of(block, count, lanes, |lumps| self.give(lumps));
-                    far.near &= !lanes;
-                }
-            }
-        }
-        for lane in bits(far.near) {
+    /// Adds lumps to their cells.
+    #[inline(always)]
+    fn give(&self, splat: &Splat<LANES>, distance2: &Lanes, wanted: u32, depth: &mut [Corners]) {
+        for lane in bits(wanted) {
             let lane = lane as usize;
-            if block.segment[lane] == u32::MAX {
-                break;
-            }
-            let weight = match self.selection {
-                Selection::Thinned { fraction, distance_unit } => {
-                    let share = kept_share(fraction, distance_unit, far.distance2[lane].sqrt());
-                    if block.hash[lane] >= share {
-                        continue;
-                    }
-                    1.0 / share
+            let cell = splat.cell[lane] as usize;
+            if let Some(far) = self.far {
+                let far = far[cell];
+                if distance2[lane] >= far * far {
+                    continue;
                 }
-                _ => 1.0,
-            };
-            self.near_segment(block, lane, weight, pieces);
+            }
+            lanes::add(&mut depth[cell][lane & 1], &splat.amount[lane]);
         }
     }
 
-    /// Those of a block's lanes that are of the receiver's own strand.
-    fn own(&self, block: &Block, lanes: u32) -> u32 {
-        let Some(on) = self.receiver.on else { return 0 };
-        let own = bits(lanes).filter(|&lane| self.model.strand[block.segment[lane as usize] as usize] == on.strand);
-        own.fold(0, |mask, lane| mask | 1 << lane)
+    #[inline(always)]
+    fn queue_rod(&self, node: &Node, lane: usize, kind: usize, queues: &mut Queues, depth: &mut [Corners]) {
+        let (waiting, rods) = &mut queues.rods[kind];
+        let at = *waiting;
+        for axis in 0..3 {
+            rods.center[axis][at] = node.center[axis][lane];
+            rods.half[axis][at] = node.half[axis][lane];
+        }
+        rods.mass[at] = node.mass[lane];
+        for i in 0..6 {
+            rods.tensor[i][at] = node.tensor[i][lane];
+        }
+        *waiting += 1;
+        if *waiting == LANES {
+            *waiting = 0;
+            self.give_rods(rods, COUNTS[kind], LANES, depth);
+        }
     }
 
-    fn near_segment(&mut self, block: &Block, lane: usize, weight: f32, pieces: &mut Vec<Piece>) {
+    #[inline(always)]
+    fn give_rods(&self, rods: &Rods, count: u32, waiting: usize, depth: &mut [Corners]) {
+        let share = 1.0 / count as f32;
+        for i in 0..if waiting > 0 { count } else { 0 } {
+            let s = (2 * i + 1) as f32 * share - 1.0;
+            let (splat, distance2) = lanes::rod_lumps(&self.view, rods, s, share);
+            self.give(&splat, &distance2, (1 << waiting) - 1, depth);
+        }
+    }
+
+    #[inline(always)]
+    fn give_segments(&self, block: &Block, count: u32, wanted: u32, depth: &mut [Corners]) {
+        let share = 1.0 / count as f32;
+        for i in 0..if wanted != 0 { count } else { 0 } {
+            let (splat, distance2) = lanes::block_lumps(&self.view, block, (i as f32 + 0.5) * share, share);
+            self.give(&splat, &distance2, wanted, depth);
+        }
+    }
+
+    #[inline(always)]
+    fn block(&self, block: &Block, own: u32, queues: &mut Queues, scratch: &mut Scratch) {
+        let division = lanes::divide(&self.view, block, own);
+        self.give_segments(block, 1, division.one, &mut scratch.depth);
+        for lane in bits(ALL & !(division.one | division.near)) {
+            let lane = lane as usize;
+            if block.segment[lane] != u32::MAX {
+                self.queue_segment(block, lane, kind(division.lumps[lane]), queues, &mut scratch.depth);
+            }
+        }
+        for lane in bits(division.near) {
+            self.near_segment(block, lane as usize, scratch);
+        }
+    }
+
+    #[inline(always)]
+    fn queue_segment(&self, block: &Block, lane: usize, kind: usize, queues: &mut Queues, depth: &mut [Corners]) {
+        let (waiting, queue) = &mut queues.segments[kind];
+        let at = *waiting;
+        for axis in 0..3 {
+            queue.a[axis][at] = block.a[axis][lane];
+            queue.b[axis][at] = block.b[axis][lane];
+        }
+        for end in 0..2 {
+            queue.widths[end][at] = block.widths[end][lane];
+        }
+        queue.opacity[at] = block.opacity[lane];
+        *waiting += 1;
+        if *waiting == LANES {
+            *waiting = 0;
+            self.give_segments(queue, COUNTS[kind], ALL, depth);
+        }
+    }
+
+    #[inline(always)]
+    fn near_segment(&self, block: &Block, lane: usize, scratch: &mut Scratch) {
         let [a, b] = block.ends(lane).map(|end| end - self.receiver.position);
         let widths = [block.widths[0][lane], block.widths[1][lane]];
-        let whole = [0.0, 1.0];
-        let mut parts = [Some(whole), None];
-        if let Some(on) = self.receiver.on {
-            let segment = block.segment[lane] as usize;
-            if self.model.strand[segment] == on.strand {
-                let p = self.model.segment_point[segment] as usize;
-                parts = outside(on.excluded(), [self.model.arc[p], self.model.arc[p + 1]]);
-            }
-        }
-        // Where the opacity depends on the length in a face, pieces must be whole.
-        if parts[0] == Some(whole) && self.tree.rule == Transmittance::Crossing {
-            let thread = Thread { a, along: b - a, widths, opacity: block.opacity[lane] };
-            if let Some(far) = self.view.segment(&thread) {
-                self.give(&far);
-                return;
-            }
+        let mut parts = [Some([0.0, 1.0]), None];
+        if let Some(on) = self.receiver.on.filter(|on| on.strand == block.strand[lane]) {
+            let p = self.model.segment_point[block.segment[lane] as usize] as usize;
+            parts = outside(on.excluded(), [self.model.arc[p], self.model.arc[p + 1]]);
         }
         for [from, to] in parts.into_iter().flatten() {
-            let at = |u: f32| {
-                if u == 0.0 {
-                    a
-                } else if u == 1.0 {
-                    b
-                } else {
-                    a + (b - a) * u
-                }
-            };
-            let width = |u: f32| widths[0] + (widths[1] - widths[0]) * u;
-            let rotate = self.receiver.frame.transpose();
-            let part = Segment { a: rotate * at(from), b: rotate * at(to), widths: [width(from), width(to)] };
-            project(self.igloo, &part, self.slice_width, &|face| self.far[face], pieces);
-            for piece in pieces.iter() {
-                let opacity = match self.tree.rule {
-                    Transmittance::Crossing => block.opacity[lane],
-                    rule => rule.opacity(self.model.transparency[block.segment[lane] as usize], piece.length),
-                };
-                let covered = piece.solid_angle * self.face_weight;
-                // A narrow strand goes on where the segment ends: its layer is the strand's (see `lanes`), in proportion.
-                let crossing = self.view.crossing(piece.apparent_width);
-                let depth = if crossing > 0.0 {
-                    optical_depth(crossing, opacity) * (covered / crossing)
-                } else {
-                    optical_depth(covered, opacity)
-                };
-                self.depth[piece.face as usize] += weight * depth;
+            let ribbon = Ribbon::new(a, b, widths, [from, to], block.opacity[lane]);
+            if let Some(ribbon) = ribbon {
+                ribbon::gather(&ribbon, &self.view, self.map, self.far, scratch);
             }
         }
     }
-}
-
-/// The share of the strands that thinning keeps at a distance: `fraction` / n with n = ⌊z / unit + 1/2⌋ (5.2).
-fn kept_share(fraction: f32, distance_unit: f32, distance: f32) -> f32 {
-    fraction / (distance / distance_unit + 0.5).floor().max(1.0)
 }
 
 /// The parts of the arc range `arcs` outside `excluded`, as parameters 0 to 1 along it.

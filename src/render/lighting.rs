@@ -13,7 +13,7 @@ use crate::hair::{OnStrand, StrandSample};
 use crate::hash::{hash, to_unit};
 use crate::illumination::{Environment, Illumination};
 use crate::occlusion::{
-    ClusterTree, HairRays, Igloo, Receiver, Selection, Span, Transmittance, clusters, frame_around, layer, raytraced,
+    ClusterTree, DepthMap, HairRays, Igloo, Receiver, Scratch, Span, Transmittance, frame_around, raytraced,
 };
 use crate::scene::Scene;
 use crate::scene::description::{Occlusion, OcclusionMode, TransmittanceRule};
@@ -35,7 +35,9 @@ enum Estimator {
     Free,
     Projected {
         tree: ClusterTree,
-        selection: Selection,
+        opening: f32,
+        sphere: DepthMap,
+        hemisphere: DepthMap,
     },
     Raytraced {
         rays: u32,
@@ -105,7 +107,7 @@ pub struct Workspace {
     means: Vec<Vec3>,
     /// The normal around which `means` was computed.
     means_normal: Vec3,
-    clusters: clusters::Scratch,
+    clusters: Scratch,
     pub clock: Clock,
 }
 
@@ -243,11 +245,12 @@ impl<'s> Lighting<'s> {
         space.gamma.clear();
         match &self.estimator {
             Estimator::Free => space.gamma.resize(igloo.len(), 1.0),
-            Estimator::Projected { tree, selection } => {
+            Estimator::Projected { tree, opening, sphere, hemisphere } => {
                 space.gamma.resize(igloo.len(), 0.0);
-                let (far, depth, scratch) = (&space.far, &mut space.gamma, &mut space.clusters);
-                tree.optical_depths(receiver, igloo, *selection, far, depth, &self.scene.hair, scratch);
-                layer::transmittances(depth);
+                let map = if igloo.span() == Span::Sphere { sphere } else { hemisphere };
+                let far = self.effects.surfaces.then_some(&space.far[..]);
+                let (gamma, scratch) = (&mut space.gamma, &mut space.clusters);
+                tree.transmittances(&self.scene.hair, receiver, map, *opening, far, gamma, scratch);
             }
             Estimator::Raytraced { rays, residual } => {
                 space.gamma.resize(igloo.len(), 0.0);
@@ -378,15 +381,8 @@ fn estimator(scene: &Scene, settings: &Occlusion, rule: Transmittance) -> Estima
         OcclusionMode::None => Estimator::Free,
         OcclusionMode::Raytraced => Estimator::Raytraced { rays: settings.rays, residual: settings.residual as f32 },
         OcclusionMode::Igloo => {
-            let selection = match &settings.thinning {
-                Some(thinning) => Selection::Thinned {
-                    fraction: thinning.fraction as f32,
-                    distance_unit: thinning.distance_unit.map_or(f32::INFINITY, |d| scene.space.length(d) as f32),
-                },
-                None if settings.opening == 0.0 => Selection::All,
-                None => Selection::Clusters { opening: settings.opening as f32 },
-            };
-            Estimator::Projected { tree: ClusterTree::build(&scene.hair, rule), selection }
+            let map = |span, side| DepthMap::new(&Igloo::new(span, settings.faces), side);
+            Estimator::Projected { tree: ClusterTree::build(&scene.hair, rule), opening: 0.3, sphere: map(Span::Sphere, 24), hemisphere: map(Span::Hemisphere, 24) }
         }
     }
 }

@@ -8,8 +8,7 @@ use rayon::prelude::*;
 use tress::hair::formats::{Options, read};
 use tress::hair::{Attribute, HairModel, Strands};
 use tress::hash::unit;
-use tress::occlusion::clusters::Scratch;
-use tress::occlusion::{ClusterTree, HairRays, Igloo, Receiver, Selection, Span, frame_around, layer};
+use tress::occlusion::{ClusterTree, DepthMap, HairRays, Igloo, Receiver, Scratch, Span, frame_around};
 use tress::scene::description::HairFormat;
 
 /// A uniform number in [0, 1).
@@ -34,6 +33,8 @@ pub enum Style {
     Clumps,
     /// Helices.
     Curly,
+    /// Long wavy hair in a few thick locks that hang down.
+    Lock,
 }
 
 /// A model of `strands` x `segments`, of one width and transparency.
@@ -45,6 +46,7 @@ pub fn grow(style: Style, strands: u32, segments: u32, width: f32, transparency:
             Style::Ball => ball(strand, segments, &mut points),
             Style::Clumps => clump(strand, segments, &mut points),
             Style::Curly => curl(strand, segments, &mut points),
+            Style::Lock => lock(strand, segments, &mut points),
         }
         first.push(points.len() as u32);
     }
@@ -96,6 +98,25 @@ fn curl(strand: u32, segments: u32, points: &mut Vec<Vec3>) {
         let t = point as f32 / segments as f32;
         let (sin, cos) = (phase + 5.0 * TAU * t).sin_cos();
         points.push(root * (1.0 + 0.4 * t) + frame * (0.04 * Vec3::new(cos, sin, 0.0) * t.min(0.2) * 5.0));
+    }
+}
+
+fn lock(strand: u32, segments: u32, points: &mut Vec<Vec3>) {
+    let lock = strand / 300;
+    // Roots on the upper half.
+    let middle = { let d = direction(&[40, lock]); Vec3::new(d.x, d.y.abs(), d.z) };
+    let offset = 0.07 * direction(&[41, strand]);
+    let phase = TAU * random(&[42, lock]) + 0.5 * random(&[43, strand]);
+    let frame = frame_around(middle);
+    let (mut lead, mut toward) = (middle, middle);
+    for point in 0..=segments {
+        let t = point as f32 / segments as f32;
+        let (sin, cos) = (phase + 3.0 * TAU * t).sin_cos();
+        let wave = frame * (0.04 * t * Vec3::new(cos, sin, 0.0));
+        points.push(lead + offset * (1.0 - 0.4 * t) + wave);
+        toward = (toward - Vec3::Y * (5.0 / segments as f32)).normalize();
+        toward = (toward + lead.normalize() * (1.05 - lead.length()).max(0.0) * 4.0).normalize();
+        lead += toward * (1.2 / segments as f32);
     }
 }
 
@@ -186,36 +207,21 @@ pub fn igloo_for(receiver: &Receiver, faces: u32) -> Igloo {
     Igloo::new(if receiver.on.is_some() { Span::Sphere } else { Span::Hemisphere }, faces)
 }
 
-/// Γ̄ over the igloo by projection, with nothing behind the hair.
+/// Γ̄ over the igloo by projection, with nothing behind the hair; `opening` in radians.
 pub fn projected(
     tree: &ClusterTree,
     model: &HairModel,
     receivers: &[Receiver],
-    faces: u32,
-    selection: Selection,
+    map: &DepthMap,
+    faces: usize,
+    opening: f32,
 ) -> Vec<f64> {
-    let igloo = igloo_for(&receivers[0], faces);
-    let far = vec![f32::INFINITY; igloo.len()];
     let value = |scratch: &mut Scratch, receiver: &Receiver| {
-        mean(&face_values(tree, model, receiver, &igloo, selection, &far, scratch))
+        let mut gamma = vec![0.0; faces];
+        tree.transmittances(model, receiver, map, opening, None, &mut gamma, scratch);
+        mean(&gamma)
     };
     receivers.par_iter().map_init(Scratch::default, value).collect()
-}
-
-/// Γ of each face by projection.
-pub fn face_values(
-    tree: &ClusterTree,
-    model: &HairModel,
-    receiver: &Receiver,
-    igloo: &Igloo,
-    selection: Selection,
-    far: &[f32],
-    scratch: &mut Scratch,
-) -> Vec<f32> {
-    let mut gamma = vec![0.0; igloo.len()];
-    tree.optical_depths(receiver, igloo, selection, far, &mut gamma, model, scratch);
-    layer::transmittances(&mut gamma);
-    gamma
 }
 
 /// Γ̄ over the igloo by `rays` rays, with nothing behind the hair.
@@ -230,7 +236,7 @@ pub fn traced(rays: &HairRays, model: &HairModel, receivers: &[Receiver], count:
     receivers.par_iter().enumerate().map(value).collect()
 }
 
-fn mean(values: &[f32]) -> f64 {
+pub fn mean(values: &[f32]) -> f64 {
     values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64
 }
 

@@ -1,0 +1,136 @@
+//! Γ̄ of all faces from one point: the walk through the tree, compiled for what the processor can do.
+
+use super::clusters::ClusterTree;
+use super::depth_map::{Corners, DepthMap};
+use super::lanes::View;
+use super::walk::{Queues, Walk};
+use super::Receiver;
+use crate::hair::HairModel;
+
+/// What the processor can do; all give the same bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Instructions {
+    /// Those that every processor of the kind has.
+    Baseline,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+impl Instructions {
+    /// All that this processor has, the best first.
+    pub fn available() -> Vec<Self> {
+        let mut all = vec![Self::Baseline];
+        #[cfg(target_arch = "x86_64")]
+        {
+            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("bmi2") {
+                all.insert(0, Self::Avx2);
+                let avx512 = is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512vl")
+                    && is_x86_feature_detected!("avx512dq")
+                    && is_x86_feature_detected!("avx512bw");
+                if avx512 {
+                    all.insert(0, Self::Avx512);
+                }
+            }
+        }
+        all
+    }
+}
+
+/// Buffers that one thread keeps from point to point.
+#[derive(Debug)]
+pub struct Scratch {
+    /// Only what the processor has.
+    instructions: Instructions,
+    pub(super) stack: Vec<(u32, u32)>,
+    /// Solid angle times opacity, where lumps gave it.
+    pub(super) depth: Vec<Corners>,
+    /// Solid angle of one wide ribbon in each cell; zero between ribbons.
+    pub(super) layer: Vec<f32>,
+    pub(super) touched: Vec<u32>,
+    pub(super) queues: Box<Queues>,
+    cells: Vec<f32>,
+    far: Vec<f32>,
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self::with_instructions(Instructions::available()[0])
+    }
+}
+
+impl Scratch {
+    /// For code of these instructions; the baseline's where the processor does not have them.
+    pub fn with_instructions(instructions: Instructions) -> Self {
+        let has = Instructions::available().contains(&instructions);
+        Self {
+            instructions: if has { instructions } else { Instructions::Baseline },
+            stack: Vec::new(),
+            depth: Vec::new(),
+            layer: Vec::new(),
+            touched: Vec::new(),
+            queues: Box::default(),
+            cells: Vec::new(),
+            far: Vec::new(),
+        }
+    }
+}
+
+impl ClusterTree {
+    /// Γ̄ of each face of the igloo that `map` was made for (paper, Eq. 8).
+    ///
+    /// `opening` is the largest angular extent of a lump, in radians; `far[face]` the distance of the first opaque surface, where there
+    /// are any. `model` is the one that the tree was built of.
+    #[expect(clippy::too_many_arguments, reason = "one query in full: where, over what, how finely")]
+    pub fn transmittances(
+        &self,
+        model: &HairModel,
+        receiver: &Receiver,
+        map: &DepthMap,
+        opening: f32,
+        far: Option<&[f32]>,
+        gamma: &mut [f32],
+        scratch: &mut Scratch,
+    ) {
+        scratch.depth.clear();
+        scratch.depth.resize(map.len(), Corners::default());
+        let mut cell_far = std::mem::take(&mut scratch.far);
+        if let Some(far) = far {
+            cell_far.clear();
+            cell_far.extend(map.faces().iter().map(|&face| far[face as usize]));
+        }
+        let view = View::new(receiver, map, opening);
+        let far = far.is_some().then_some(&cell_far[..]);
+        let walk = Walk { tree: self, receiver, map, view, far, model };
+        match scratch.instructions {
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `Scratch::with_instructions` takes it only where the processor has it.
+            Instructions::Avx512 => unsafe { query_avx512(&walk, scratch, gamma) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: as above.
+            Instructions::Avx2 => unsafe { query_avx2(&walk, scratch, gamma) },
+            Instructions::Baseline => query(&walk, scratch, gamma),
+        }
+        scratch.far = cell_far;
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,bmi1,bmi2")]
+fn query_avx512(walk: &Walk<'_>, scratch: &mut Scratch, gamma: &mut [f32]) {
+    query(walk, scratch, gamma);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2")]
+fn query_avx2(walk: &Walk<'_>, scratch: &mut Scratch, gamma: &mut [f32]) {
+    query(walk, scratch, gamma);
+}
+
+#[inline(always)]
+fn query(walk: &Walk<'_>, scratch: &mut Scratch, gamma: &mut [f32]) {
+    walk.run(scratch);
+    walk.map.finish(&scratch.depth, &mut scratch.cells, gamma);
+}

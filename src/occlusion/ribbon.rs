@@ -1,0 +1,247 @@
+//! A near segment: a ribbon that faces the viewer, taken in lumps of equal angle along it, and across it where it is wide.
+//!
+//! On the line q + s u (q the foot of the perpendicular from the viewer, h = |q|, r² = h² + s²) the ribbon is the silhouette of a
+//! cylinder of diameter d. Cut along its half-planes by the angle α about the axis, |α| <= asin(d / 2h), a slice of angle dα from s1 to s2
+//! covers dα (s2/r2 - s1/r1) steradians: exact, with the change of distance. Lumps are even in the angle β = atan(s / h), so that
+//! each is as long as seen from the viewer, however near the ribbon passes.
+
+use std::f32::consts::PI;
+
+use glam::Vec3;
+
+use super::DepthMap;
+use super::depth_map::Corners;
+use super::lanes::{LANES, View, add, saturation};
+use super::layer::optical_depth;
+use super::query::Scratch;
+use crate::igloo::arctangent_unit;
+
+/// Lumps along a ribbon, at most: half a turn in lumps a quarter of a degree long.
+const MOST_LUMPS: f32 = 720.0;
+
+/// Slices across a ribbon, at most.
+const MOST_SLICES: f32 = 256.0;
+
+/// Part of a segment, relative to the viewer, in render space's axes.
+#[derive(Clone, Copy, Debug)]
+pub struct Ribbon {
+    foot: Vec3,
+    axis: Vec3,
+    h2: f32,
+    from: f32,
+    to: f32,
+    /// Width at the foot, and its change along the axis.
+    width: f32,
+    taper: f32,
+    opacity: f32,
+}
+
+impl Ribbon {
+    /// The part `range` (0 to 1) of the segment from `a` to `b`; none where there is nothing to see.
+    #[inline(always)]
+    pub fn new(a: Vec3, b: Vec3, widths: [f32; 2], range: [f32; 2], opacity: f32) -> Option<Self> {
+        let along = b - a;
+        let length = along.length();
+        if length <= 0.0 || range[1] <= range[0] {
+            return None;
+        }
+        let axis = along / length;
+        // The foot from the nearer end: the cancellation in a - (a·u) u then costs least.
+        let (near, offset) = if a.length_squared() <= b.length_squared() { (a, 0.0) } else { (b, length) };
+        let s_near = near.dot(axis);
+        let foot = near - axis * s_near;
+        let h2 = foot.length_squared();
+        let start = s_near - offset;
+        let (from, to) = (start + range[0] * length, start + range[1] * length);
+        // End-on, a segment covers nothing; below this the foot is rounding error.
+        if h2 <= 1e-12 * (h2 + from.abs().max(to.abs()).powi(2)) {
+            return None;
+        }
+        let taper = (widths[1] - widths[0]) / length;
+        Some(Self { foot, axis, h2, from, to, width: widths[0] - taper * start, taper, opacity })
+    }
+
+    #[inline(always)]
+    fn width_at(&self, s: f32) -> f32 {
+        self.width + self.taper * s
+    }
+}
+
+/// Gathers a ribbon.
+#[inline(always)]
+pub fn gather(ribbon: &Ribbon, view: &View, map: &DepthMap, far: Option<&[f32]>, scratch: &mut Scratch) {
+    // Nothing nearer than the ribbon's own width counts; the width at the foot decides.
+    let width = ribbon.width_at(ribbon.from.max(0.0).min(ribbon.to));
+    let inner2 = width * width - ribbon.h2;
+    if inner2 <= 0.0 {
+        return part(ribbon, view, map, far, scratch);
+    }
+    let inner = inner2.sqrt();
+    if ribbon.from < -inner {
+        part(&Ribbon { to: ribbon.to.min(-inner), ..*ribbon }, view, map, far, scratch);
+    }
+    if ribbon.to > inner {
+        part(&Ribbon { from: ribbon.from.max(inner), ..*ribbon }, view, map, far, scratch);
+    }
+}
+
+#[inline(always)]
+fn part(ribbon: &Ribbon, view: &View, map: &DepthMap, far: Option<&[f32]>, scratch: &mut Scratch) {
+    if ribbon.to <= ribbon.from {
+        return;
+    }
+    let h = ribbon.h2.sqrt();
+    let (start, end) = (arctangent(ribbon.from / h), arctangent(ribbon.to / h));
+    let nearest = ribbon.from.max(0.0).min(ribbon.to);
+    let distance2 = ribbon.h2 + nearest * nearest;
+    let width = ribbon.width_at(ribbon.from).max(ribbon.width_at(ribbon.to));
+    let wide = width * width >= view.wide2 * distance2;
+    let lumps = (0.5 * (end - start) / view.stride2.sqrt()).ceil().clamp(1.0, MOST_LUMPS);
+    if !wide {
+        along(ribbon, view, [start, end], lumps as u32, far, &mut scratch.depth);
+        return;
+    }
+    let apparent = 2.0 * half_angle(width, h) * (ribbon.h2 / distance2).sqrt();
+    let slices = (apparent / view.wide2.sqrt()).ceil().clamp(1.0, MOST_SLICES);
+    across(ribbon, view, lumps as u32, slices as u32, map, far, scratch);
+}
+
+/// A narrow ribbon: lumps along its middle. Its layer is that of the strand where it crosses a cell (see [`saturation`]).
+#[inline(always)]
+fn along(ribbon: &Ribbon, view: &View, range: [f32; 2], lumps: u32, far: Option<&[f32]>, depth: &mut [Corners]) {
+    let h = ribbon.h2.sqrt();
+    let step = (range[1] - range[0]) / lumps as f32;
+    let middle = 0.5 * (ribbon.from + ribbon.to);
+    let (sine, cosine) = if lumps == 1 {
+        let distance = (ribbon.h2 + middle * middle).sqrt();
+        (middle / distance, h / distance)
+    } else {
+        (0.0, 0.0)
+    };
+    // All of a piece's solid angle but its middle's cosine.
+    let piece = if lumps == 1 { sine_difference(ribbon.h2, ribbon.from, ribbon.to) / cosine } else { 2.0 * (0.5 * step).sin() };
+    let width = ribbon.width_at(middle);
+    let angle = 2.0 * half_angle(width, h) / width;
+    let foot = ribbon.foot / h;
+    for chunk in 0..lumps.div_ceil(LANES as u32) {
+        let first = chunk * LANES as u32;
+        let mut toward = [[0.0; LANES]; 3];
+        let [mut amount, mut distance] = [[0.0; LANES]; 2];
+        for lane in 0..LANES {
+            let beta = range[0] + ((first + lane as u32) as f32 + 0.5) * step;
+            let (s, c) = sine_cosine(beta);
+            let (s, c) = if lumps == 1 { (sine, cosine) } else { (s, c) };
+            let c = if c > 1e-6 { c } else { 1e-6 };
+            let r = h / c;
+            let width = ribbon.width + ribbon.taper * r * s;
+            let solid_angle = angle * width * c * piece;
+            let share = ribbon.opacity * view.crossing(width / r);
+            let share = if share < 0.95 { share } else { 0.95 };
+            amount[lane] = solid_angle * ribbon.opacity * saturation(share);
+            distance[lane] = r;
+            toward[0][lane] = foot.x * c + ribbon.axis.x * s;
+            toward[1][lane] = foot.y * c + ribbon.axis.y * s;
+            toward[2][lane] = foot.z * c + ribbon.axis.z * s;
+        }
+        let splat = view.splat(&toward, &amount);
+        for lane in 0..LANES.min((lumps - first) as usize) {
+            let cell = splat.cell[lane] as usize;
+            if far.is_none_or(|far| distance[lane] < far[cell]) {
+                add(&mut depth[cell][lane & 1], &splat.amount[lane]);
+            }
+        }
+    }
+}
+
+/// Sine and cosine of an angle from -π/2 to π/2 by Taylor's series, each to 1e-7.
+#[inline(always)]
+fn sine_cosine(x: f32) -> (f32, f32) {
+    let y = x * x;
+    let sine = 1.0 + y * (-1.0 / 6.0 + y * (1.0 / 120.0 + y * (-1.0 / 5040.0 + y * (1.0 / 362_880.0 - y / 39_916_800.0))));
+    let cosine = 1.0 + y * (-0.5 + y * (1.0 / 24.0 + y * (-1.0 / 720.0 + y * (1.0 / 40_320.0 + y * (-1.0 / 3_628_800.0 + y / 479_001_600.0)))));
+    (x * sine, cosine)
+}
+
+/// A wide ribbon: its coverage is summed in each cell, then it is one layer there.
+#[inline(never)]
+fn across(
+    ribbon: &Ribbon,
+    view: &View,
+    lumps: u32,
+    slices: u32,
+    map: &DepthMap,
+    far: Option<&[f32]>,
+    scratch: &mut Scratch,
+) {
+    let h = ribbon.h2.sqrt();
+    let (start, end) = (arctangent(ribbon.from / h), arctangent(ribbon.to / h));
+    let step = (end - start) / lumps as f32;
+    let side = ribbon.foot.cross(ribbon.axis);
+    let Scratch { depth, layer, touched, .. } = scratch;
+    layer.resize(depth.len(), 0.0);
+    touched.clear();
+    let mut from = ribbon.from;
+    for i in 0..lumps {
+        let to = if i + 1 == lumps { ribbon.to } else { h * (start + (i + 1) as f32 * step).tan() };
+        let to = to.max(from).min(ribbon.to);
+        let middle = if lumps == 1 { 0.5 * (from + to) } else { h * (start + (i as f32 + 0.5) * step).tan() };
+        let half = half_angle(ribbon.width_at(middle), h);
+        for k in 0..slices {
+            let (sin, cos) = (((2 * k + 1) as f32 / slices as f32 - 1.0) * half).sin_cos();
+            // The slice's own foot: the axis seen in its half-plane.
+            let foot = (ribbon.foot * cos + side * sin) * cos;
+            let h2 = ribbon.h2 * cos * cos;
+            let toward = foot + ribbon.axis * middle;
+            let amount = 2.0 * half / slices as f32 * sine_difference(h2, from, to);
+            let splat = view.splat::<1>(&[[toward.x], [toward.y], [toward.z]], &[amount]);
+            let first = splat.cell[0] as usize;
+            if far.is_some_and(|far| h2 + middle * middle >= far[first] * far[first]) {
+                continue;
+            }
+            for (cell, amount) in map.corners(first).into_iter().zip(splat.amount[0]) {
+                let cell = map.home()[cell];
+                if layer[cell as usize] == 0.0 {
+                    touched.push(cell);
+                }
+                layer[cell as usize] += amount;
+            }
+        }
+        from = to;
+    }
+    for &cell in touched.iter() {
+        let covered = std::mem::take(&mut layer[cell as usize]);
+        let weight = map.weights()[cell as usize];
+        if weight > 0.0 {
+            depth[cell as usize][0][0] += optical_depth(covered * weight, ribbon.opacity).min(100.0) / weight;
+        }
+    }
+}
+
+/// Arctangent, to 2e-6.
+#[inline(always)]
+fn arctangent(x: f32) -> f32 {
+    let a = x.abs();
+    let angle = if a <= 1.0 { arctangent_unit(a) } else { 0.5 * PI - arctangent_unit(1.0 / a) };
+    angle.copysign(x)
+}
+
+/// s2/r2 - s1/r1 without cancellation: with both of one sign it is h² (s2² - s1²) / (r1 r2 (s2 r1 + s1 r2)).
+#[inline(always)]
+fn sine_difference(h2: f32, from: f32, to: f32) -> f32 {
+    let r1 = (h2 + from * from).sqrt();
+    let r2 = (h2 + to * to).sqrt();
+    if from * to > 0.0 { h2 * (to - from) * (to + from) / (r1 * r2 * (to * r1 + from * r2)) } else { to / r2 - from / r1 }
+}
+
+/// Half the angle about the axis under which a cylinder of this width is seen from distance `h` of its axis.
+#[inline(always)]
+fn half_angle(width: f32, h: f32) -> f32 {
+    let x = 0.5 * width / h;
+    if x < 0.05 {
+        x * (1.0 + x * x * (1.0 / 6.0))
+    } else if x < 1.0 {
+        x.asin()
+    } else {
+        PI / 2.0
+    }
+}
