@@ -43,8 +43,6 @@ pub struct DepthMap {
     weight: Vec<f32>,
     /// The face under the middle of each cell, border included.
     face: Vec<u32>,
-    /// The cell that each one stands for: itself, or in a sphere's border the one across the octahedron's edge.
-    home: Vec<u32>,
     /// Cells of face `i`: `first[i]..first[i + 1]` in `cells`, each with its share of the face.
     first: Vec<u32>,
     cells: Vec<(u32, f32)>,
@@ -63,7 +61,6 @@ impl DepthMap {
             side,
             weight: weights(span, side),
             face: vec![0; (side + 2) * (side + 2)],
-            home: home(span, side),
             first: Vec::new(),
             cells: Vec::new(),
             cell_width: solid_angle.sqrt() / side as f32,
@@ -95,8 +92,9 @@ impl DepthMap {
                 }
             }
         }
+        let home = home(self.span, side);
         for cell in 0..self.face.len() {
-            self.face[cell] = self.face[self.home[cell] as usize];
+            self.face[cell] = self.face[home[cell] as usize];
         }
         for (face, list) in shares.iter_mut().enumerate() {
             if list.is_empty() {
@@ -110,7 +108,7 @@ impl DepthMap {
         self.first.push(self.cells.len() as u32);
     }
 
-    /// The fine cell of a unit direction in the igloo's frame; the nearest one below a hemisphere's horizon.
+    /// The cell of a unit direction in the igloo's frame; the nearest one below a hemisphere's horizon.
     pub fn cell_of(&self, direction: Vec3) -> u32 {
         let side = self.side;
         let [u, v] = square(self.span, direction);
@@ -143,34 +141,19 @@ impl DepthMap {
         false
     }
 
-    /// The face under each fine cell's middle, by index in the buffer.
+    /// The face under each cell's middle, by index in the buffer.
     pub fn faces(&self) -> &[u32] {
         &self.face
     }
 
-    /// The fine cell that each one stands for: itself, or in a sphere's border the one across the octahedron's edge.
-    pub fn home(&self) -> &[u32] {
-        &self.home
-    }
-
-    /// 1 / solid angle of a cell of the fine level, by index in the buffer; 0 in the border.
+    /// 1 / solid angle of a cell, by index in the buffer; 0 in the border.
     pub fn weights(&self) -> &[f32] {
         &self.weight
     }
 
     /// What the kernels need.
     pub fn grid(&self) -> Grid {
-        Grid {
-            hemisphere: self.span == Span::Hemisphere,
-            half: 0.5 * self.side as f32,
-            stride: self.stride() as u32,
-        }
-    }
-
-    /// The four cells that a tent reaches whose upper left cell is this one.
-    pub fn corners(&self, cell: usize) -> [usize; 4] {
-        let stride = self.stride();
-        [cell, cell + 1, cell + stride, cell + stride + 1]
+        Grid { hemisphere: self.span == Span::Hemisphere, half: 0.5 * self.side as f32, stride: self.stride() as u32 }
     }
 
     /// From what lumps gave at each cell, in two parts, to what each cell has.

@@ -84,7 +84,7 @@ pub struct View {
 const STRIDE: f32 = 1.0;
 
 /// A strand from this width on is a ribbon of several lumps across, in widths of a cell.
-const WIDE: f32 = 1.0;
+const WIDE: f32 = 0.75;
 
 /// The share of its distance that a child's radius must stay below for a lump, whatever its extent: no hair near the viewer is taken so.
 const CLEAR: f32 = 0.9;
@@ -119,27 +119,55 @@ impl View {
         self.crossing * apparent_width
     }
 
-    /// Spreads lumps in the given directions (of any length, in render space's axes) over four cells each.
+    /// Points of the square of directions of any length in render space's axes, in cells from the border's outer edge.
+    ///
+    /// Below a hemisphere's horizon they lie outside the square, and maybe outside the border.
+    #[inline(always)]
+    fn square(&self, toward: [f32; 3]) -> (f32, f32) {
+        let [x, y, z] = toward;
+        let [x, y, z] = self.axes.map(|axis| axis[0] * x + axis[1] * y + axis[2] * z);
+        let (u, v) = if self.grid.hemisphere { hemisphere_square(x, y, z) } else { sphere_square(x, y, z) };
+        let half = self.grid.half;
+        (half + half * u + 1.0, half + half * v + 1.0)
+    }
+
+    /// The cells in which directions lie; cells of the border for what is below a hemisphere's horizon.
+    #[inline(always)]
+    pub fn cells<const N: usize>(&self, toward: &[[f32; N]; 3]) -> [u32; N] {
+        let last = 2.0 * self.grid.half + 1.999;
+        // On a sphere nothing lies in the border but what rounding puts there.
+        let [low, high] = if self.grid.hemisphere { [0.0, last] } else { [1.0, last - 1.0] };
+        let mut cells = [0; N];
+        for lane in 0..N {
+            let (x, y) = self.square([toward[0][lane], toward[1][lane], toward[2][lane]]);
+            cells[lane] = self.cell(between(low, x, high), between(low, y, high));
+        }
+        cells
+    }
+
+    #[inline(always)]
+    fn cell(&self, x: f32, y: f32) -> u32 {
+        // SAFETY: `between` gave both; they are from 0 to less than the stride, which is below 2^16.
+        let (column, row) = unsafe { (x.to_int_unchecked::<i32>(), y.to_int_unchecked::<i32>()) };
+        row as u32 * self.grid.stride + column as u32
+    }
+
+    /// Spreads lumps in the given directions over four cells each.
     #[inline(always)]
     pub fn splat<const N: usize>(&self, toward: &[[f32; N]; 3], amount: &[f32; N]) -> Splat<N> {
-        let grid = &self.grid;
-        let (half, last) = (grid.half, 2.0 * grid.half + 0.999);
+        let last = 2.0 * self.grid.half + 0.999;
         let mut splat = Splat { cell: [0; N], amount: [[0.0; 4]; N] };
         for lane in 0..N {
-            let [x, y, z] = [toward[0][lane], toward[1][lane], toward[2][lane]];
-            let [x, y, z] = self.axes.map(|axis| axis[0] * x + axis[1] * y + axis[2] * z);
-            let (u, v) = if grid.hemisphere { hemisphere_square(x, y, z) } else { sphere_square(x, y, z) };
-            // The border is one cell wide, a tent half a cell more than its cell.
-            let (x, y) = (half + half * u + 0.5, half + half * v + 0.5);
+            let (x, y) = self.square([toward[0][lane], toward[1][lane], toward[2][lane]]);
+            // From the middle of one cell to that of the next. The border is one cell wide: what falls beyond it is lost.
+            let (x, y) = (x - 0.5, y - 0.5);
             let inside = (x >= 0.0) & (x <= last) & (y >= 0.0) & (y <= last);
-            let (x, y) = (between(x, last), between(y, last));
-            // SAFETY: `between` gives a number from 0 to `last`, also for what is not a number, and `last` is below 2^16.
-            let (column, row) = unsafe { (x.to_int_unchecked::<i32>(), y.to_int_unchecked::<i32>()) };
-            let (fx, fy) = (x - column as f32, y - row as f32);
+            let (x, y) = (between(0.0, x, last), between(0.0, y, last));
+            let (fx, fy) = (x - x.trunc(), y - y.trunc());
             let amount = if inside { amount[lane] } else { 0.0 };
             let (left, right) = (amount - amount * fx, amount * fx);
             splat.amount[lane] = [left - left * fy, right - right * fy, left * fy, right * fy];
-            splat.cell[lane] = row as u32 * grid.stride + column as u32;
+            splat.cell[lane] = self.cell(x, y);
         }
         splat
     }
@@ -171,11 +199,11 @@ fn hemisphere_square(x: f32, y: f32, z: f32) -> (f32, f32) {
     ((x + y) * scale, (x - y) * scale)
 }
 
-/// `x` between 0 and `last`; 0 for what is not a number.
+/// `x` between `low` and `high`; `low` for what is not a number.
 #[inline(always)]
-pub fn between(x: f32, last: f32) -> f32 {
-    let x = if x > 0.0 { x } else { 0.0 };
-    if x < last { x } else { last }
+pub fn between(low: f32, x: f32, high: f32) -> f32 {
+    let x = if x > low { x } else { low };
+    if x < high { x } else { high }
 }
 
 /// In how many lumps lanes are taken.
@@ -399,7 +427,7 @@ pub fn prefetch<T>(wanted: &T) {
 #[inline(always)]
 pub fn exponentials(depths: &mut [f32]) {
     for depth in depths {
-        let x = between(*depth, 87.0) * std::f32::consts::LOG2_E;
+        let x = between(0.0, *depth, 87.0) * std::f32::consts::LOG2_E;
         // SAFETY: x is from 0 to 126.
         let whole = unsafe { (x + 0.5).to_int_unchecked::<i32>() };
         // 2^-f for f in [-1/2, 1/2] by Taylor's series.

@@ -4,6 +4,7 @@
 //! `raytraced`. Both work in render space with `OnStrand`'s rule for what does not count, and both stop at the first opaque
 //! surface, whose distance per face the caller knows.
 
+pub mod accuracy;
 pub mod clusters;
 pub mod depth_map;
 mod lanes;
@@ -16,6 +17,7 @@ mod walk;
 
 use glam::{Mat3, Vec3};
 
+pub use accuracy::{Calibration, Fineness, calibrate};
 pub use clusters::ClusterTree;
 pub use depth_map::DepthMap;
 pub use layer::Transmittance;

@@ -1,10 +1,10 @@
 //! Γ̄ of all faces from one point: the walk through the tree, compiled for what the processor can do.
 
+use super::Receiver;
 use super::clusters::ClusterTree;
 use super::depth_map::{Corners, DepthMap};
 use super::lanes::View;
 use super::walk::{Queues, Walk};
-use super::Receiver;
 use crate::hair::HairModel;
 
 /// What the processor can do; all give the same bits.
@@ -44,6 +44,8 @@ impl Instructions {
 pub struct Scratch {
     /// Only what the processor has.
     instructions: Instructions,
+    /// Work done since it was made, in lanes of kernels.
+    pub(super) work: u64,
     pub(super) stack: Vec<(u32, u32)>,
     /// Solid angle times opacity, where lumps gave it.
     pub(super) depth: Vec<Corners>,
@@ -67,6 +69,7 @@ impl Scratch {
         let has = Instructions::available().contains(&instructions);
         Self {
             instructions: if has { instructions } else { Instructions::Baseline },
+            work: 0,
             stack: Vec::new(),
             depth: Vec::new(),
             layer: Vec::new(),
@@ -101,6 +104,8 @@ impl ClusterTree {
             cell_far.clear();
             cell_far.extend(map.faces().iter().map(|&face| far[face as usize]));
         }
+        // Emptying the map and summing it up cost about a lane for each two cells.
+        scratch.work += map.len() as u64 / 2;
         let view = View::new(receiver, map, opening);
         let far = far.is_some().then_some(&cell_far[..]);
         let walk = Walk { tree: self, receiver, map, view, far, model };

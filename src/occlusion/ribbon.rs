@@ -19,6 +19,12 @@ use crate::igloo::arctangent_unit;
 /// Lumps along a ribbon, at most: half a turn in lumps a quarter of a degree long.
 const MOST_LUMPS: f32 = 720.0;
 
+/// Samples of a wide ribbon along a cell's width.
+const SAMPLES: f32 = 2.0;
+
+/// Optical depth at which nothing gets through.
+const OPAQUE: f32 = 100.0;
+
 /// Slices across a ribbon, at most.
 const MOST_SLICES: f32 = 256.0;
 
@@ -101,9 +107,10 @@ fn part(ribbon: &Ribbon, view: &View, map: &DepthMap, far: Option<&[f32]>, scrat
         along(ribbon, view, [start, end], lumps as u32, far, &mut scratch.depth);
         return;
     }
-    let apparent = 2.0 * half_angle(width, h) * (ribbon.h2 / distance2).sqrt();
-    let slices = (apparent / view.wide2.sqrt()).ceil().clamp(1.0, MOST_SLICES);
-    across(ribbon, view, lumps as u32, slices as u32, map, far, scratch);
+    let apparent = 2.0 * half_angle(0.5 * width / h) * (ribbon.h2 / distance2).sqrt();
+    let count = |angle: f32, most: f32| (SAMPLES * angle / map.cell_width()).ceil().clamp(1.0, most) as u32;
+    let counts = [count(end - start, MOST_LUMPS), count(apparent, MOST_SLICES)];
+    across(ribbon, view, [start, end], counts, map, far, scratch);
 }
 
 /// A narrow ribbon: lumps along its middle. Its layer is that of the strand where it crosses a cell (see [`saturation`]).
@@ -119,9 +126,10 @@ fn along(ribbon: &Ribbon, view: &View, range: [f32; 2], lumps: u32, far: Option<
         (0.0, 0.0)
     };
     // All of a piece's solid angle but its middle's cosine.
-    let piece = if lumps == 1 { sine_difference(ribbon.h2, ribbon.from, ribbon.to) / cosine } else { 2.0 * (0.5 * step).sin() };
+    let piece =
+        if lumps == 1 { sine_difference(ribbon.h2, ribbon.from, ribbon.to) / cosine } else { 2.0 * (0.5 * step).sin() };
     let width = ribbon.width_at(middle);
-    let angle = 2.0 * half_angle(width, h) / width;
+    let angle = 2.0 * half_angle(0.5 * width / h) / width;
     let foot = ribbon.foot / h;
     for chunk in 0..lumps.div_ceil(LANES as u32) {
         let first = chunk * LANES as u32;
@@ -157,62 +165,84 @@ fn along(ribbon: &Ribbon, view: &View, range: [f32; 2], lumps: u32, far: Option<
 #[inline(always)]
 fn sine_cosine(x: f32) -> (f32, f32) {
     let y = x * x;
-    let sine = 1.0 + y * (-1.0 / 6.0 + y * (1.0 / 120.0 + y * (-1.0 / 5040.0 + y * (1.0 / 362_880.0 - y / 39_916_800.0))));
-    let cosine = 1.0 + y * (-0.5 + y * (1.0 / 24.0 + y * (-1.0 / 720.0 + y * (1.0 / 40_320.0 + y * (-1.0 / 3_628_800.0 + y / 479_001_600.0)))));
+    let sine =
+        1.0 + y * (-1.0 / 6.0 + y * (1.0 / 120.0 + y * (-1.0 / 5040.0 + y * (1.0 / 362_880.0 - y / 39_916_800.0))));
+    let cosine = 1.0
+        + y * (-0.5
+            + y * (1.0 / 24.0
+                + y * (-1.0 / 720.0 + y * (1.0 / 40_320.0 + y * (-1.0 / 3_628_800.0 + y / 479_001_600.0)))));
     (x * sine, cosine)
 }
 
-/// A wide ribbon: its coverage is summed in each cell, then it is one layer there.
-#[inline(never)]
+/// A wide ribbon: its coverage is summed in each cell, each sample in the cell where it lies, then it is one layer there.
+#[inline(always)]
 fn across(
     ribbon: &Ribbon,
     view: &View,
-    lumps: u32,
-    slices: u32,
+    [start, end]: [f32; 2],
+    [lumps, slices]: [u32; 2],
     map: &DepthMap,
     far: Option<&[f32]>,
     scratch: &mut Scratch,
 ) {
     let h = ribbon.h2.sqrt();
-    let (start, end) = (arctangent(ribbon.from / h), arctangent(ribbon.to / h));
     let step = (end - start) / lumps as f32;
     let side = ribbon.foot.cross(ribbon.axis);
     let Scratch { depth, layer, touched, .. } = scratch;
     layer.resize(depth.len(), 0.0);
     touched.clear();
-    let mut from = ribbon.from;
-    for i in 0..lumps {
-        let to = if i + 1 == lumps { ribbon.to } else { h * (start + (i + 1) as f32 * step).tan() };
-        let to = to.max(from).min(ribbon.to);
-        let middle = if lumps == 1 { 0.5 * (from + to) } else { h * (start + (i as f32 + 0.5) * step).tan() };
-        let half = half_angle(ribbon.width_at(middle), h);
-        for k in 0..slices {
-            let (sin, cos) = (((2 * k + 1) as f32 / slices as f32 - 1.0) * half).sin_cos();
-            // The slice's own foot: the axis seen in its half-plane.
-            let foot = (ribbon.foot * cos + side * sin) * cos;
-            let h2 = ribbon.h2 * cos * cos;
-            let toward = foot + ribbon.axis * middle;
-            let amount = 2.0 * half / slices as f32 * sine_difference(h2, from, to);
-            let splat = view.splat::<1>(&[[toward.x], [toward.y], [toward.z]], &[amount]);
-            let first = splat.cell[0] as usize;
-            if far.is_some_and(|far| h2 + middle * middle >= far[first] * far[first]) {
-                continue;
+    for chunk in 0..lumps.div_ceil(LANES as u32) {
+        let first = chunk * LANES as u32;
+        let [mut from, mut middle, mut to, mut half] = [[0.0; LANES]; 4];
+        for lane in 0..LANES {
+            let at = |places: f32| {
+                let (s, c) = sine_cosine(start + (first as f32 + lane as f32 + places) * step);
+                let c = if c > 1e-6 { c } else { 1e-6 };
+                let s = h * s / c;
+                let s = if s > ribbon.from { s } else { ribbon.from };
+                if s < ribbon.to { s } else { ribbon.to }
+            };
+            (from[lane], middle[lane], to[lane]) = (at(0.0), at(0.5), at(1.0));
+            half[lane] = 0.5 * (ribbon.width + ribbon.taper * middle[lane]) / h;
+        }
+        for half in &mut half {
+            *half = half_angle(*half);
+        }
+        let used = LANES.min((lumps - first) as usize);
+        for slice in 0..slices {
+            let place = (2 * slice + 1) as f32 / slices as f32 - 1.0;
+            let mut toward = [[0.0; LANES]; 3];
+            let [mut amount, mut distance2] = [[0.0; LANES]; 2];
+            for lane in 0..LANES {
+                let (sin, cos) = sine_cosine(place * half[lane]);
+                // The slice's own foot: the axis seen in its half-plane.
+                let (along, beside) = (cos * cos, sin * cos);
+                let (h2, s) = (ribbon.h2 * along, middle[lane]);
+                amount[lane] = 2.0 * half[lane] / slices as f32 * sine_difference(h2, from[lane], to[lane]);
+                distance2[lane] = h2 + s * s;
+                toward[0][lane] = ribbon.foot.x * along + side.x * beside + ribbon.axis.x * s;
+                toward[1][lane] = ribbon.foot.y * along + side.y * beside + ribbon.axis.y * s;
+                toward[2][lane] = ribbon.foot.z * along + side.z * beside + ribbon.axis.z * s;
             }
-            for (cell, amount) in map.corners(first).into_iter().zip(splat.amount[0]) {
-                let cell = map.home()[cell];
-                if layer[cell as usize] == 0.0 {
-                    touched.push(cell);
+            let cells = view.cells(&toward);
+            for lane in 0..used {
+                let cell = cells[lane] as usize;
+                if far.is_some_and(|far| distance2[lane] >= far[cell] * far[cell]) {
+                    continue;
                 }
-                layer[cell as usize] += amount;
+                if layer[cell] == 0.0 {
+                    touched.push(cells[lane]);
+                }
+                layer[cell] += amount[lane];
             }
         }
-        from = to;
     }
     for &cell in touched.iter() {
         let covered = std::mem::take(&mut layer[cell as usize]);
         let weight = map.weights()[cell as usize];
+        // Nothing comes from the border: it is below the horizon.
         if weight > 0.0 {
-            depth[cell as usize][0][0] += optical_depth(covered * weight, ribbon.opacity).min(100.0) / weight;
+            depth[cell as usize][0][0] += optical_depth(covered * weight, ribbon.opacity).min(OPAQUE) / weight;
         }
     }
 }
@@ -230,13 +260,16 @@ fn arctangent(x: f32) -> f32 {
 fn sine_difference(h2: f32, from: f32, to: f32) -> f32 {
     let r1 = (h2 + from * from).sqrt();
     let r2 = (h2 + to * to).sqrt();
-    if from * to > 0.0 { h2 * (to - from) * (to + from) / (r1 * r2 * (to * r1 + from * r2)) } else { to / r2 - from / r1 }
+    if from * to > 0.0 {
+        h2 * (to - from) * (to + from) / (r1 * r2 * (to * r1 + from * r2))
+    } else {
+        to / r2 - from / r1
+    }
 }
 
-/// Half the angle about the axis under which a cylinder of this width is seen from distance `h` of its axis.
+/// Half the angle about the axis under which a cylinder is seen whose radius is `x` times the distance of its axis.
 #[inline(always)]
-fn half_angle(width: f32, h: f32) -> f32 {
-    let x = 0.5 * width / h;
+fn half_angle(x: f32) -> f32 {
     if x < 0.05 {
         x * (1.0 + x * x * (1.0 / 6.0))
     } else if x < 1.0 {

@@ -1,9 +1,9 @@
 //! One receiver's way through the tree of clusters.
 
 use super::clusters::ClusterTree;
-use super::query::Scratch;
 use super::depth_map::Corners;
 use super::lanes::{self, ALL, Block, LANES, Lanes, Node, Rods, Splat, View, bits, prefetch};
+use super::query::Scratch;
 use super::ribbon::{self, Ribbon};
 use super::{DepthMap, Receiver};
 use crate::hair::HairModel;
@@ -55,10 +55,12 @@ impl Walk<'_> {
                     prefetch(&tree.levels[level as usize - 1][child]);
                 }
             }
+            scratch.work += LANES as u64;
             self.give(&splat, &distance2, division.one, &mut scratch.depth);
             for lane in bits(ALL & !(division.one | division.near)) {
                 let lane = lane as usize;
                 let kind = kind(division.lumps[lane]);
+                scratch.work += u64::from(division.lumps[lane]);
                 self.queue_rod(node, lane, kind, &mut queues, &mut scratch.depth);
             }
             for lane in bits(division.near) {
@@ -136,10 +138,13 @@ impl Walk<'_> {
     #[inline(always)]
     fn block(&self, block: &Block, own: u32, queues: &mut Queues, scratch: &mut Scratch) {
         let division = lanes::divide(&self.view, block, own);
+        // Two passes, and three for each near segment.
+        scratch.work += LANES as u64 * u64::from(2 + 3 * division.near.count_ones());
         self.give_segments(block, 1, division.one, &mut scratch.depth);
         for lane in bits(ALL & !(division.one | division.near)) {
             let lane = lane as usize;
             if block.segment[lane] != u32::MAX {
+                scratch.work += u64::from(division.lumps[lane]);
                 self.queue_segment(block, lane, kind(division.lumps[lane]), queues, &mut scratch.depth);
             }
         }

@@ -382,7 +382,12 @@ fn estimator(scene: &Scene, settings: &Occlusion, rule: Transmittance) -> Estima
         OcclusionMode::Raytraced => Estimator::Raytraced { rays: settings.rays, residual: settings.residual as f32 },
         OcclusionMode::Igloo => {
             let map = |span, side| DepthMap::new(&Igloo::new(span, settings.faces), side);
-            Estimator::Projected { tree: ClusterTree::build(&scene.hair, rule), opening: 0.3, sphere: map(Span::Sphere, 24), hemisphere: map(Span::Hemisphere, 24) }
+            Estimator::Projected {
+                tree: ClusterTree::build(&scene.hair, rule),
+                opening: 0.3,
+                sphere: map(Span::Sphere, 24),
+                hemisphere: map(Span::Hemisphere, 24),
+            }
         }
     }
 }

@@ -104,7 +104,10 @@ fn curl(strand: u32, segments: u32, points: &mut Vec<Vec3>) {
 fn lock(strand: u32, segments: u32, points: &mut Vec<Vec3>) {
     let lock = strand / 300;
     // Roots on the upper half.
-    let middle = { let d = direction(&[40, lock]); Vec3::new(d.x, d.y.abs(), d.z) };
+    let middle = {
+        let d = direction(&[40, lock]);
+        Vec3::new(d.x, d.y.abs(), d.z)
+    };
     let offset = 0.07 * direction(&[41, strand]);
     let phase = TAU * random(&[42, lock]) + 0.5 * random(&[43, strand]);
     let frame = frame_around(middle);
