@@ -25,6 +25,7 @@ use super::Receiver;
 use super::lanes::{Block, LANES, Lanes, NOWHERE, Node, exponentials};
 use super::layer::Transmittance;
 use super::projection::Piece;
+use super::thinned::strand_hash;
 use super::walk::{Walk, Whole};
 use crate::hair::HairModel;
 use crate::igloo::{Igloo, Span};
@@ -257,14 +258,6 @@ fn summary(block: &Block) -> Summary {
     }
     let parts: Vec<Summary> = parts.into_iter().flatten().collect();
     Summary::join(&parts)
-}
-
-/// A uniform number in [0, 1) for each strand: thinning keeps strands below a bound, so a thinner set lies in a denser one.
-fn strand_hash(strand: u32) -> f32 {
-    let mut x = strand.wrapping_mul(0x9E37_79B9) ^ 0x85EB_CA6B;
-    x = (x ^ (x >> 16)).wrapping_mul(0x21F0_AAAD);
-    x = (x ^ (x >> 15)).wrapping_mul(0x735A_2D97);
-    ((x ^ (x >> 15)) >> 8) as f32 / (1 << 24) as f32
 }
 
 /// What makes Σ m sin θ of the root of Σ m sin² θ Σ m: exact for parallel hair, right in the mean over directions for other hair.

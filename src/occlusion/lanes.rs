@@ -6,6 +6,7 @@
 
 use glam::{Mat3, Vec3};
 
+use super::segment::MEAN_CHORD;
 use crate::igloo::{Igloo, Span};
 
 /// Lanes of a node and of a block.
@@ -19,9 +20,6 @@ pub const NOWHERE: f32 = 1e15;
 /// Half the length of a lump of a single strand, in face widths. Longer ones put the hair of several faces into one, which leaves
 /// the others too free.
 const STRIDE: f32 = 0.7;
-
-/// Mean chord of a square of side 1 under random lines, each weighted by its length: what a point of a strand lies on.
-const MEAN_CHORD: f32 = 0.9463;
 
 /// Sixteen clusters, each standing for one child.
 #[derive(Clone, Debug)]
@@ -161,11 +159,6 @@ impl View {
             horizon: if igloo.span() == Span::Hemisphere { 0.0 } else { f32::NEG_INFINITY },
             wide: has_avx2(),
         }
-    }
-
-    /// Share of a face that a strand of this angular width covers where it crosses the face.
-    pub fn crossing(&self, apparent_width: f32) -> f32 {
-        self.crossing * apparent_width
     }
 
     /// The same in baseline code.

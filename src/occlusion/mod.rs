@@ -1,7 +1,7 @@
 //! Γ: how much of each face of an igloo the hair lets through (paper, Eq. 8 and 10).
 //!
-//! Two independent estimators: `projection` of the segments on the igloo, far hair gathered in `clusters` or thinned out, and
-//! `raytraced`. Both work in render space with `OnStrand`'s rule for what does not count, and both stop at the first opaque
+//! Two independent estimators: projection of the segments on the igloo, far hair gathered in `clusters` or `thinned` out, and
+//! `raytraced`. A `segment` by itself is projected on the sphere (`projection`) or as in the paper (`tangent`). Both estimators work in render space with `OnStrand`'s rule for what does not count, and both stop at the first opaque
 //! surface, whose distance per face the caller knows.
 
 pub mod clusters;
@@ -9,6 +9,9 @@ mod lanes;
 pub mod layer;
 pub mod projection;
 pub mod raytraced;
+pub mod segment;
+pub mod tangent;
+pub mod thinned;
 mod walk;
 
 use glam::{Mat3, Vec3};
@@ -16,9 +19,19 @@ use glam::{Mat3, Vec3};
 pub use clusters::{ClusterTree, Selection};
 pub use layer::Transmittance;
 pub use raytraced::HairRays;
+pub use thinned::{ThinnedSegments, Thinning};
 
 use crate::hair::OnStrand;
 pub use crate::igloo::{Igloo, Span, frame_around};
+
+/// How a segment by itself is projected on the igloo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Projection {
+    /// On the sphere, exactly, wide ribbons in slices (`projection`).
+    Sphere,
+    /// On the plane tangent to the hemisphere's top (paper, A.2; `tangent`).
+    TangentPlane,
+}
 
 /// The point for which Γ is asked.
 #[derive(Clone, Copy, Debug)]

@@ -3,8 +3,10 @@
 use super::Receiver;
 use super::clusters::{ClusterTree, Scratch, Selection};
 use super::lanes::{Block, Far, LANES, Node, Thread, View, bits, prefetch};
-use super::layer::{Transmittance, optical_depth};
-use super::projection::{Piece, SLICE_WIDTH, Segment, project};
+use super::layer::Transmittance;
+use super::projection::{Piece, SLICE_WIDTH, Segment};
+use super::segment::{Target, WHOLE, counted};
+use super::{Projection, Thinning};
 use crate::hair::HairModel;
 use crate::igloo::{Igloo, Span};
 
@@ -24,10 +26,8 @@ pub struct Walk<'a> {
     far: &'a [f32],
     depth: &'a mut [f32],
     model: &'a HairModel,
-    /// 1 / solid angle of a face.
-    face_weight: f32,
-    /// Greatest width of a slice, in face widths of `igloo`.
-    slice_width: f32,
+    /// Where segments by themselves go.
+    target: Target<'a>,
     /// Square of the angular radius (`PART`) below which a lump is given to one face of `igloo`.
     part2: f32,
     /// Where `igloo` is a cut seen from hair: the whole faces, which wider lumps go to.
@@ -67,9 +67,8 @@ impl<'a> Walk<'a> {
         let slice = SLICE_WIDTH * width;
         let part2 = (PART * igloo.face_width()).powi(2);
         let view = View::new(receiver.position, receiver.frame, igloo, limit, slice);
-        let slice_width = slice / igloo.face_width();
-        let face_weight = 1.0 / igloo.face_solid_angle();
-        Self { tree, receiver, igloo, selection, view, far, depth, model, face_weight, slice_width, part2, whole }
+        let target = Target::new(receiver, igloo, far, Projection::Sphere).sliced(slice / igloo.face_width());
+        Self { tree, receiver, igloo, selection, view, far, depth, model, target, part2, whole }
     }
 
     /// Goes from the root to all that is near.
@@ -148,7 +147,7 @@ impl<'a> Walk<'a> {
         match self.selection {
             Selection::Thinned { fraction, distance_unit } => {
                 let nearest = (distance2.sqrt() - node.radius[lane]).max(0.0);
-                node.least_hash[lane] >= kept_share(fraction, distance_unit, nearest)
+                node.least_hash[lane] >= Thinning { fraction, distance_unit }.share(nearest)
             }
             _ => false,
         }
@@ -177,7 +176,7 @@ impl<'a> Walk<'a> {
             }
             let weight = match self.selection {
                 Selection::Thinned { fraction, distance_unit } => {
-                    let share = kept_share(fraction, distance_unit, far.distance2[lane].sqrt());
+                    let share = Thinning { fraction, distance_unit }.share(far.distance2[lane].sqrt());
                     if block.hash[lane] >= share {
                         continue;
                     }
@@ -199,65 +198,20 @@ impl<'a> Walk<'a> {
     fn near_segment(&mut self, block: &Block, lane: usize, weight: f32, pieces: &mut Vec<Piece>) {
         let [a, b] = block.ends(lane).map(|end| end - self.receiver.position);
         let widths = [block.widths[0][lane], block.widths[1][lane]];
-        let whole = [0.0, 1.0];
-        let mut parts = [Some(whole), None];
-        if let Some(on) = self.receiver.on {
-            let segment = block.segment[lane] as usize;
-            if self.model.strand[segment] == on.strand {
-                let p = self.model.segment_point[segment] as usize;
-                parts = outside(on.excluded(), [self.model.arc[p], self.model.arc[p + 1]]);
-            }
-        }
+        let segment = block.segment[lane] as usize;
+        let parts = counted(self.model, self.receiver, segment);
         // Where the opacity depends on the length in a face, pieces must be whole.
-        if parts[0] == Some(whole) && self.tree.rule == Transmittance::Crossing {
+        if parts == WHOLE && self.tree.rule == Transmittance::Crossing {
             let thread = Thread { a, along: b - a, widths, opacity: block.opacity[lane] };
             if let Some(far) = self.view.segment(&thread) {
                 self.give(&far);
                 return;
             }
         }
-        for [from, to] in parts.into_iter().flatten() {
-            let at = |u: f32| {
-                if u == 0.0 {
-                    a
-                } else if u == 1.0 {
-                    b
-                } else {
-                    a + (b - a) * u
-                }
-            };
-            let width = |u: f32| widths[0] + (widths[1] - widths[0]) * u;
-            let rotate = self.receiver.frame.transpose();
-            let part = Segment { a: rotate * at(from), b: rotate * at(to), widths: [width(from), width(to)] };
-            project(self.igloo, &part, self.slice_width, &|face| self.far[face], pieces);
-            for piece in pieces.iter() {
-                let opacity = match self.tree.rule {
-                    Transmittance::Crossing => block.opacity[lane],
-                    rule => rule.opacity(self.model.transparency[block.segment[lane] as usize], piece.length),
-                };
-                let covered = piece.solid_angle * self.face_weight;
-                // A narrow strand goes on where the segment ends: its layer is the strand's (see `lanes`), in proportion.
-                let crossing = self.view.crossing(piece.apparent_width);
-                let depth = if crossing > 0.0 {
-                    optical_depth(crossing, opacity) * (covered / crossing)
-                } else {
-                    optical_depth(covered, opacity)
-                };
-                self.depth[piece.face as usize] += weight * depth;
-            }
-        }
+        let opacity = |length| match self.tree.rule {
+            Transmittance::Crossing => block.opacity[lane],
+            rule => rule.opacity(self.model.transparency[segment], length),
+        };
+        self.target.add(&Segment { a, b, widths }, parts, opacity, weight, self.depth, pieces);
     }
-}
-
-/// The share of the strands that thinning keeps at a distance: `fraction` / n with n = ⌊z / unit + 1/2⌋ (5.2).
-fn kept_share(fraction: f32, distance_unit: f32, distance: f32) -> f32 {
-    fraction / (distance / distance_unit + 0.5).floor().max(1.0)
-}
-
-/// The parts of the arc range `arcs` outside `excluded`, as parameters 0 to 1 along it.
-fn outside(excluded: [f32; 2], arcs: [f32; 2]) -> [Option<[f32; 2]>; 2] {
-    let length = arcs[1] - arcs[0];
-    let before = ((excluded[0] - arcs[0]) / length).min(1.0);
-    let after = ((excluded[1] - arcs[0]) / length).max(0.0);
-    [(before > 0.0).then_some([0.0, before]), (after < 1.0).then_some([after, 1.0])]
 }
