@@ -13,10 +13,11 @@ use crate::hair::{OnStrand, StrandSample};
 use crate::hash::{hash, to_unit};
 use crate::illumination::{Environment, Illumination};
 use crate::occlusion::{
-    ClusterTree, HairRays, Igloo, Receiver, Selection, Span, Transmittance, clusters, frame_around, layer, raytraced,
+    ClusterTree, HairRays, Igloo, Projection, Receiver, Selection, Span, ThinnedSegments, Thinning, Transmittance,
+    clusters, frame_around, layer, projection, raytraced,
 };
 use crate::scene::Scene;
-use crate::scene::description::{Occlusion, OcclusionMode, TransmittanceRule};
+use crate::scene::description::{Occlusion, OcclusionMode, ProjectionRule, TransmittanceRule};
 use crate::shading::{Highlight, KajiyaKay, Lambert};
 use crate::surface::SurfacePoint;
 
@@ -36,6 +37,12 @@ enum Estimator {
     Projected {
         tree: ClusterTree,
         selection: Selection,
+    },
+    /// The paper's own: segment by segment.
+    Segments {
+        segments: ThinnedSegments,
+        thinning: Thinning,
+        projection: Projection,
     },
     Raytraced {
         rays: u32,
@@ -106,6 +113,7 @@ pub struct Workspace {
     /// The normal around which `means` was computed.
     means_normal: Vec3,
     clusters: clusters::Scratch,
+    pieces: Vec<projection::Piece>,
     pub clock: Clock,
 }
 
@@ -249,6 +257,13 @@ impl<'s> Lighting<'s> {
                 tree.optical_depths(receiver, igloo, *selection, far, depth, &self.scene.hair, scratch);
                 layer::transmittances(depth);
             }
+            Estimator::Segments { segments, thinning, projection } => {
+                space.gamma.resize(igloo.len(), 0.0);
+                let (far, depth, pieces) = (&space.far, &mut space.gamma, &mut space.pieces);
+                let hair = &self.scene.hair;
+                segments.optical_depths(receiver, igloo, thinning, *projection, far, depth, hair, pieces);
+                layer::transmittances(depth);
+            }
             Estimator::Raytraced { rays, residual } => {
                 space.gamma.resize(igloo.len(), 0.0);
                 if let Some(hair) = &self.hair_rays {
@@ -377,16 +392,24 @@ fn estimator(scene: &Scene, settings: &Occlusion, rule: Transmittance) -> Estima
     match settings.mode {
         OcclusionMode::None => Estimator::Free,
         OcclusionMode::Raytraced => Estimator::Raytraced { rays: settings.rays, residual: settings.residual as f32 },
-        OcclusionMode::Igloo => {
-            let selection = match &settings.thinning {
-                Some(thinning) => Selection::Thinned {
-                    fraction: thinning.fraction as f32,
-                    distance_unit: thinning.distance_unit.map_or(f32::INFINITY, |d| scene.space.length(d) as f32),
-                },
-                None if settings.opening == 0.0 => Selection::All,
-                None => Selection::Clusters { opening: settings.opening as f32 },
-            };
-            Estimator::Projected { tree: ClusterTree::build(&scene.hair, rule), selection }
-        }
+        OcclusionMode::Igloo => projected(scene, settings, rule),
     }
+}
+
+fn projected(scene: &Scene, settings: &Occlusion, rule: Transmittance) -> Estimator {
+    let projection = match settings.projection {
+        ProjectionRule::Sphere => Projection::Sphere,
+        ProjectionRule::TangentPlane => Projection::TangentPlane,
+    };
+    let thinning = settings.thinning.as_ref().map(|thinning| Thinning {
+        fraction: thinning.fraction as f32,
+        distance_unit: thinning.distance_unit.map_or(f32::INFINITY, |d| scene.space.length(d) as f32),
+    });
+    if thinning.is_some() || projection == Projection::TangentPlane {
+        let segments = ThinnedSegments::build(&scene.hair, rule);
+        return Estimator::Segments { segments, thinning: thinning.unwrap_or(Thinning::NONE), projection };
+    }
+    let opening = settings.opening as f32;
+    let selection = if opening == 0.0 { Selection::All } else { Selection::Clusters { opening } };
+    Estimator::Projected { tree: ClusterTree::build(&scene.hair, rule), selection }
 }
