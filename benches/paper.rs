@@ -38,7 +38,7 @@ fn main() {
         for share in [0.1, 0.03] {
             bench.segments(&format!("5.1, {} %, {name}", share * 100.0), &crossing, fraction(share), projection);
         }
-        for distance in [1.0, 0.5, 0.25] {
+        for distance in [1.0, 0.5, 0.25, 0.05] {
             bench.segments(&format!("5.2, unit {distance}, {name}"), &crossing, unit(distance), projection);
         }
         for length in [0.0125, 0.025, 0.05] {

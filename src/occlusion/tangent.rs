@@ -16,7 +16,7 @@
 use glam::{Vec2, Vec3};
 
 use super::projection::{Piece, Segment};
-use crate::igloo::{Igloo, Ring, Span};
+use crate::igloo::{Igloo, Ring, Span, azimuth};
 
 /// Images farther from the plane's origin have no finite square in `f32`. It is 1e-18 radians short of the horizon.
 const REACH: f32 = 1e18;
@@ -103,6 +103,16 @@ struct Line {
     inverse_depths: [f32; 2],
 }
 
+/// A point of a line where it enters or leaves a face.
+#[derive(Clone, Copy, Debug)]
+struct Cut {
+    t: f32,
+    /// Parameter of the segment in space.
+    u: f32,
+    /// From the shading point to the segment.
+    distance: f32,
+}
+
 impl<Far: Fn(usize) -> f32> Walk<'_, Far> {
     /// Projects the part of the segment between two parameters and cuts it at v_0.
     fn line(&mut self, from: f32, to: f32) {
@@ -163,18 +173,18 @@ impl<Far: Fn(usize) -> f32> Walk<'_, Far> {
     fn rings(&mut self, line: &Line, others: usize) {
         let last = self.ring_of(line.point(line.to));
         let mut ring = self.ring_of(line.point(line.from)).min(last);
-        let mut t = line.from;
+        let mut here = line.cut(line.from);
         while ring < last {
             let z = self.rings[ring].bottom;
             // r = tan θ, z = cos θ.
             let radius2 = (1.0 - z) * (1.0 + z) / (z * z);
             // Clamped to be monotone: rounding must not let the walk turn back.
-            let crossing = (radius2 - line.foot2).max(0.0).sqrt().max(t).min(line.to);
-            self.sectors(line, t, crossing, ring, others);
-            t = crossing;
+            let crossing = line.cut((radius2 - line.foot2).max(0.0).sqrt().max(here.t).min(line.to));
+            self.sectors(line, here, crossing, ring, others);
+            here = crossing;
             ring += 1;
         }
-        self.sectors(line, t, line.to, ring, others);
+        self.sectors(line, here, line.cut(line.to), ring, others);
     }
 
     fn ring_of(&self, point: Vec2) -> usize {
@@ -182,48 +192,46 @@ impl<Far: Fn(usize) -> f32> Walk<'_, Far> {
     }
 
     /// Cuts a part that lies in one ring at the rays between the ring's sectors.
-    fn sectors(&mut self, line: &Line, from: f32, to: f32, ring: usize, others: usize) {
-        if to <= from {
+    fn sectors(&mut self, line: &Line, from: Cut, to: Cut, ring: usize, others: usize) {
+        if to.t <= from.t {
             return;
         }
         let count = self.rings[ring].count;
         // Mirrored rings count from the other pole.
         let rings = self.igloo.rings();
         let first = if self.below { rings[rings.len() - 1 - ring].first } else { rings[ring].first };
-        let (start, end) = (line.point(from), line.point(to));
+        let (start, end) = (line.point(from.t), line.point(to.t));
         let mut sector = Igloo::sector_of(start.x, start.y, count);
         let last = Igloo::sector_of(end.x, end.y, count);
         let eastward = line.foot.perp_dot(line.along) > 0.0;
         let steps = if eastward { last + count - sector } else { sector + count - last } % count;
         // From v_0 outwards a line turns by less than a quarter of the circle; more means that rounding turned it back.
         let steps = if steps > count / 2 + 1 { 0 } else { steps };
-        let mut t = from;
+        let mut here = from;
         for _ in 0..steps {
             let ray = if eastward { sector + 1 } else { sector };
-            let crossing = line.ray(ray as f32 / count as f32).max(t).min(to);
-            self.emit(line, t, crossing, first + sector, others);
-            t = crossing;
+            let crossing = line.cut(line.ray(ray as f32 / count as f32).max(here.t).min(to.t));
+            self.emit(line, here, crossing, first + sector, others);
+            here = crossing;
             sector = if eastward { (sector + 1) % count } else { (sector + count - 1) % count };
         }
-        self.emit(line, t, to, first + sector, others);
+        self.emit(line, here, to, first + sector, others);
     }
 
-    fn emit(&mut self, line: &Line, from: f32, to: f32, face: u32, others: usize) {
-        if to <= from {
+    fn emit(&mut self, line: &Line, from: Cut, to: Cut, face: u32, others: usize) {
+        if to.t <= from.t {
             return;
         }
-        let [start, end] = [from, to].map(|t| line.in_space(t));
-        let distances = [start, end].map(|u| self.a.lerp(self.b, u).length());
         // z_n.
-        let distance = 0.5 * (distances[0] + distances[1]);
+        let distance = 0.5 * (from.distance + to.distance);
         let far = (self.far_of)(face as usize);
-        let width = self.widths[0] + (self.widths[1] - self.widths[0]) * (0.5 * (start + end));
+        let width = self.widths[0] + (self.widths[1] - self.widths[0]) * (0.5 * (from.u + to.u));
         // The width once more: it may grow faster along the segment than the distance.
         if !(distance > 0.0 && distance >= width && distance <= far) {
             return;
         }
-        let solid_angle = line.angle(from, to) * (width / distance);
-        let length = (end - start).abs() * self.length;
+        let solid_angle = line.angle(from.t, to.t) * (width / distance);
+        let length = (to.u - from.u).abs() * self.length;
         if let Some(piece) = self.pieces[..others].iter_mut().find(|piece| piece.face == face) {
             piece.solid_angle += solid_angle;
             piece.length += length;
@@ -239,20 +247,21 @@ impl Line {
         self.foot + self.along * t
     }
 
-    /// Parameter along the segment in space: between the ends, weighted by inverse depth.
-    fn in_space(&self, t: f32) -> f32 {
+    /// The segment at `t`: its parameter lies between the ends, weighted by inverse depth.
+    fn cut(&self, t: f32) -> Cut {
         let share = ((t - self.from) / (self.to - self.from)).clamp(0.0, 1.0);
         let [w0, w1] = self.inverse_depths;
         let weighted = share * w1;
-        let u = weighted / ((1.0 - share) * w0 + weighted);
-        self.ends[0] + (self.ends[1] - self.ends[0]) * u.clamp(0.0, 1.0)
+        let depth = 1.0 / ((1.0 - share) * w0 + weighted);
+        let u = self.ends[0] + (self.ends[1] - self.ends[0]) * (weighted * depth).clamp(0.0, 1.0);
+        Cut { t, u, distance: depth * (1.0 + self.foot2 + t * t).sqrt() }
     }
 
     /// l_n: the angle between the directions to two points. From the shading point, √(1 + |v_0|²) away from the line, it is
     /// atan(t_2 / g) - atan(t_1 / g), as one arctangent without cancellation.
     fn angle(&self, from: f32, to: f32) -> f32 {
         let g2 = 1.0 + self.foot2;
-        ((to - from) * g2.sqrt()).atan2(g2 + from * to)
+        azimuth(g2 + from * to, (to - from) * g2.sqrt())
     }
 
     /// Where the line meets the ray at `turn` (a share of the whole circle).

@@ -435,8 +435,7 @@ pub struct Occlusion {
     /// Faces of equal area on one hemisphere of the igloo; hair uses two hemispheres.
     #[schemars(range(min = 1, max = 100000))]
     pub faces: u32,
-    /// For the igloo: hair whose radius is below this many face widths is projected as one lump; 0 projects every segment by itself.
-    /// Without effect where all segments are anyway: with `thinning`, or `projection` on the tangent plane.
+    /// For the igloo: hair whose radius is below this many face widths is projected as one lump; 0 projects every segment by itself. Without effect where that is done anyway: with `thinning`, or on the tangent plane.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub opening: f64,
     /// For the igloo: how a segment by itself is projected.
