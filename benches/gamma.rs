@@ -1,79 +1,186 @@
-//! Γ by projection: time a point on one thread and error against every segment by itself and against rays.
-//!
-//! `cargo bench --bench gamma [-- STRANDS...]`; times are medians of five runs over the same points.
-
+//! Tuning harness (throw-away).
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use std::time::Instant;
-
 use common::models::*;
+use std::io::{Read, Write};
 use tress::embree::Device;
 use tress::hair::HairModel;
-use tress::occlusion::clusters::Scratch;
-use tress::occlusion::{ClusterTree, HairRays, Igloo, Receiver, Selection, Transmittance};
+use tress::occlusion::{ClusterTree, DepthMap, HairRays, Igloo, Receiver, Scratch, Span, Transmittance};
 
-const POINTS: u32 = 2048;
-/// Points of which the error is taken, spread over the timed ones.
-const CHECKED: usize = 64;
+fn cpu() -> f64 {
+    let mut t = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    unsafe { libc::clock_gettime(libc::CLOCK_THREAD_CPUTIME_ID, &mut t) };
+    t.tv_sec as f64 + 1e-9 * t.tv_nsec as f64
+}
+
+fn cached_truth(
+    name: &str,
+    rays: &dyn Fn() -> HairRays,
+    model: &HairModel,
+    receivers: &[Receiver],
+    count: u32,
+) -> Vec<f64> {
+    let path = format!("{}/target/truth/{name}-{}-{count}.bin", env!("CARGO_MANIFEST_DIR"), receivers.len());
+    if let Ok(mut f) = std::fs::File::open(&path) {
+        let mut bytes = Vec::new();
+        f.read_to_end(&mut bytes).unwrap();
+        return bytes.chunks(8).map(|c| f64::from_le_bytes(c.try_into().unwrap())).collect();
+    }
+    let value = traced(&rays(), model, receivers, count);
+    let mut f = std::fs::File::create(&path).unwrap();
+    for v in &value {
+        f.write_all(&v.to_le_bytes()).unwrap();
+    }
+    value
+}
+
+fn values(
+    tree: &ClusterTree,
+    model: &HairModel,
+    receivers: &[Receiver],
+    map: &DepthMap,
+    faces: usize,
+    opening: f32,
+) -> Vec<f64> {
+    let mut scratch = Scratch::default();
+    receivers
+        .iter()
+        .map(|r| {
+            let mut gamma = vec![0.0; faces];
+            tree.transmittances(model, r, map, opening, None, &mut gamma, &mut scratch);
+            mean(&gamma)
+        })
+        .collect()
+}
 
 fn main() {
-    let given: Vec<u32> = std::env::args().skip(1).filter_map(|argument| argument.parse().ok()).collect();
-    let strands = if given.is_empty() { vec![500, 5_000, 50_000] } else { given };
-    for strands in strands {
-        // The same optical depth at every count.
-        let width = 0.003 * (50_000.0 / strands as f32).min(10.0);
-        let model = grow(Style::Ball, strands, 20, width, 0.5);
-        let start = Instant::now();
-        let tree = ClusterTree::build(&model, Transmittance::Crossing);
-        let (seconds, bytes) = (start.elapsed().as_secs_f64(), tree.bytes() as f64 / model.segments() as f64);
-        println!("{} segments: tree in {seconds:.3} s, {bytes:.1} bytes a segment", model.segments());
-        let rays = HairRays::build(&Device::new().unwrap(), &model, Transmittance::Crossing).unwrap();
-        for (place, mut receivers) in [("hair", on_hair(&model, POINTS)), ("floor", on_floor(-1.6, POINTS))] {
-            receivers.sort_by_key(|receiver| morton(receiver.position));
-            measure(place, &tree, &rays, &model, &receivers);
-        }
-    }
-}
-
-fn measure(place: &str, tree: &ClusterTree, rays: &HairRays, model: &HairModel, receivers: &[Receiver]) {
-    let checked: Vec<Receiver> = receivers.iter().step_by(receivers.len() / CHECKED).copied().collect();
-    let truth = traced(rays, model, &checked, 20_000);
-    for faces in [25, 50, 100, 200, 400] {
-        let all = (faces == 100).then(|| projected(tree, model, &checked, faces, Selection::All));
-        for opening in [0.3, 0.45, 0.6, 0.8] {
-            let selection = Selection::Clusters { opening };
-            let value = projected(tree, model, &checked, faces, selection);
-            let time = time(tree, model, receivers, faces, selection);
-            let against =
-                all.as_ref().map(|all| format!("; against all segments {}", Difference::between(&value, all)));
-            let against = against.unwrap_or_default();
-            let error = Difference::between(&value, &truth);
-            println!("  {place}, {faces:3} faces, opening {opening}: {time:6.1} µs; against rays {error}{against}");
-        }
-    }
-}
-
-/// Microseconds a point.
-fn time(tree: &ClusterTree, model: &HairModel, receivers: &[Receiver], faces: u32, selection: Selection) -> f64 {
-    let igloo: Igloo = igloo_for(&receivers[0], faces);
-    let far = vec![f32::INFINITY; igloo.len()];
-    let mut depth = vec![0.0; igloo.len()];
-    let mut scratch = Scratch::default();
-    let mut run = || {
-        let start = Instant::now();
-        for receiver in receivers {
-            depth.fill(0.0);
-            tree.optical_depths(receiver, &igloo, selection, &far, &mut depth, model, &mut scratch);
-        }
-        start.elapsed().as_secs_f64() * 1e6 / receivers.len() as f64
+    let args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
+    let names: Vec<&str> = args.first().map(|s| s.split(',').collect()).unwrap_or(vec!["ball5"]);
+    let list = |i: usize, default: &str| -> Vec<f32> {
+        args.get(i).map_or(default, |s| s.as_str()).split(',').map(|x| x.parse().unwrap()).collect()
     };
-    let mut times: Vec<f64> = (0..5).map(|_| run()).collect();
-    times.sort_by(f64::total_cmp);
-    times[2]
+    let (sides, openings) = (list(1, "16,24,32"), list(2, "1.4"));
+    let faces = 100;
+    let timed_points: u32 = std::env::var("POINTS").map_or(2048, |p| p.parse().unwrap());
+    for name in names {
+        let (base, t) = name.split_at(name.len() - 1);
+        let t = t.parse::<f32>().unwrap() / 10.0;
+        let model = match base {
+            "ball" => grow(Style::Ball, 50_000, 20, 0.003, t),
+            "clump" => grow(Style::Clumps, 50_000, 20, 0.003, t),
+            "curly" => grow(Style::Curly, 50_000, 20, 0.003, t),
+            "lock" => grow(Style::Lock, 30_000, 24, 0.004, t),
+            "yuksel" => yuksel_straight(if t == 0.3 { 0.356 } else { t }).unwrap(),
+            _ => panic!("{base}"),
+        };
+        let floor = if base == "yuksel" { -1.1 } else { -1.6 };
+        let start = std::time::Instant::now();
+        let tree = ClusterTree::build(&model, Transmittance::Crossing);
+        println!(
+            "{name}: {} segments, tree {:.3} s, {:.1} B/segment",
+            model.segments(),
+            start.elapsed().as_secs_f64(),
+            tree.bytes() as f64 / model.segments() as f64
+        );
+        let rays = || HairRays::build(&Device::new().unwrap(), &model, Transmittance::Crossing).unwrap();
+        for (place, receivers, timed) in [
+            ("hair", on_hair(&model, 128), on_hair(&model, timed_points)),
+            ("floor", on_floor(floor, 48), on_floor(floor, timed_points)),
+        ] {
+            let truth = cached_truth(&format!("{name}-{place}"), &rays, &model, &receivers, 100_000);
+            let level = truth.iter().sum::<f64>() / truth.len() as f64;
+            println!(" {place}: mean {level:.4}");
+            if std::env::var_os("RAYS").is_some() {
+                let rays = rays();
+                let igloo = igloo_for(&receivers[0], 100);
+                let far = vec![f32::INFINITY; igloo.len()];
+                for n in [200, 800, 1600, 3200] {
+                    let s = cpu();
+                    let value: Vec<f64> = receivers
+                        .iter()
+                        .enumerate()
+                        .map(|(k, r)| {
+                            let mut g = vec![0.0; igloo.len()];
+                            rays.transmittances(&model, r, &igloo, n, 0.001, &far, 7 + k as u32, &mut g);
+                            g.iter().map(|&v| f64::from(v)).sum::<f64>() / g.len() as f64
+                        })
+                        .collect();
+                    let t = (cpu() - s) * 1e6 / receivers.len() as f64;
+                    println!(
+                        "  rays {n}: {t:.0} µs ({:.2} a ray)  {}",
+                        t / n as f64,
+                        Difference::between(&value, &truth)
+                    );
+                }
+            }
+            let mut timed = timed;
+            timed.sort_by_key(|r| morton(r.position));
+            let igloo = Igloo::new(if place == "hair" { Span::Sphere } else { Span::Hemisphere }, faces);
+            if let Some(targets) = std::env::var_os("CAL") {
+                let rays = rays();
+                let apart: Vec<Receiver> = if place == "hair" {
+                    on_hair(&model, 192).split_off(128)
+                } else {
+                    on_floor(floor, 96).split_off(48)
+                };
+                for target in targets.to_str().unwrap().split(',').map(|t| t.parse::<f64>().unwrap()) {
+                    let s = std::time::Instant::now();
+                    let found = tress::occlusion::calibrate(&tree, &rays, &model, &apart, &igloo, target);
+                    let took = s.elapsed().as_secs_f64();
+                    let map = found.fineness.map(&igloo);
+                    let value = values(&tree, &model, &receivers, &map, igloo.len(), found.fineness.angle(&map));
+                    let mut scratch = Scratch::default();
+                    let mut gamma = vec![0.0; igloo.len()];
+                    let s = cpu();
+                    for r in &timed {
+                        tree.transmittances(
+                            &model,
+                            r,
+                            &map,
+                            found.fineness.angle(&map),
+                            None,
+                            &mut gamma,
+                            &mut scratch,
+                        );
+                    }
+                    let t = (cpu() - s) * 1e6 / timed.len() as f64;
+                    println!(
+                        "  {name:7} {place} accuracy {target}: {found:?} in {took:.1} s; {t:.1} µs ({:.1} ns a lane); {}",
+                        t * 1e3 / found.work,
+                        Difference::between(&value, &truth)
+                    );
+                }
+                continue;
+            }
+            for &side in &sides {
+                let map = DepthMap::new(&igloo, side as u32);
+                for &opening in &openings {
+                    let opening_angle = opening * map.cell_width();
+                    let mut scratch = Scratch::default();
+                    let value = values(&tree, &model, &receivers, &map, igloo.len(), opening_angle);
+                    let mut gamma = vec![0.0; igloo.len()];
+                    let mut times: Vec<f64> = (0..3)
+                        .map(|_| {
+                            let s = cpu();
+                            for r in &timed {
+                                tree.transmittances(&model, r, &map, opening_angle, None, &mut gamma, &mut scratch);
+                            }
+                            (cpu() - s) * 1e6 / timed.len() as f64
+                        })
+                        .collect();
+                    times.sort_by(f64::total_cmp);
+                    println!(
+                        "  {name:7} {place} side {side:3} opening {opening:.2}: {:7.1} µs  {}",
+                        times[1],
+                        Difference::between(&value, &truth)
+                    );
+                }
+            }
+        }
+    }
 }
 
-/// Order along a space-filling curve.
 fn morton(p: glam::Vec3) -> u64 {
     let spread = |x: f32| {
         let bits = ((x + 4.0) * 128.0) as u64;

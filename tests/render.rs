@@ -149,6 +149,33 @@ fn both_estimators_make_the_same_picture() {
 }
 
 #[test]
+fn the_papers_own_ways_make_nearly_the_same_picture() {
+    let settings = |own: &[&'static str]| {
+        let small =
+            ["camera.resolution=[24, 21]", "sampling.layers=1", "hair[0].grow.count=1500", "occlusion.faces=60"];
+        [&small, own].concat()
+    };
+    let (usual, _) = whole(EVERYTHING, &settings(&[]));
+    let mut films = vec![usual];
+    for (own, bound) in [
+        (&["occlusion.thinning.fraction=1"][..], 0.01),
+        (&["occlusion.thinning.distance_unit=0.5"], 0.01),
+        (&["occlusion.thinning.fraction=0.3"], 0.05),
+        (&["occlusion.projection=tangent-plane"], 0.03),
+        (&["occlusion.projection=tangent-plane", "occlusion.thinning.distance_unit=0.5"], 0.03),
+        (&["occlusion.projection=tangent-plane", "occlusion.transmittance=segment-length"], 0.3),
+    ] {
+        let (film, statistics) = whole(EVERYTHING, &settings(own));
+        assert_eq!(statistics.non_finite, 0);
+        let difference = mean(&film) / mean(&films[0]) - 1.0;
+        println!("{own:?}: {difference:+.4}");
+        assert!(difference.abs() < bound, "{own:?}: means differ by {difference}");
+        assert!(films.iter().all(|other| *other != film), "{own:?} changes nothing");
+        films.push(film);
+    }
+}
+
+#[test]
 fn alpha_is_the_same_for_any_number_of_shaded_layers() {
     let alpha = |layers: &str| {
         let (film, statistics) = whole(FURNACE, &[layers, "hair[0].transparency=0.6"]);

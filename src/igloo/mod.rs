@@ -4,13 +4,9 @@
 //! face counts K_i are rounded first and the boundaries put at z_i = 1 - K_i / M (Archimedes: a zone's area is its height),
 //! so every face has 2π / M steradians to rounding, for any M. Directions are unit vectors in the igloo's own frame, z up.
 
-pub mod lookup;
-
 use std::f32::consts::{PI, TAU};
 
 use glam::{Mat3, Vec3};
-
-use lookup::FaceTable;
 
 /// Which part of the sphere an igloo covers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,37 +39,13 @@ pub struct Igloo {
     /// Ring of the smallest z of each of `ring_table.len()` equal steps from z = 1 downwards.
     ring_table: Vec<u16>,
     table_scale: f32,
-    lookup: FaceTable,
-    /// The same faces cut smaller; none in an igloo that is such a cut itself.
-    parts: Option<Box<Parts>>,
-}
-
-/// Every face of an igloo cut in equal parts: Γ is taken in each part and averaged, for hair is rarely spread evenly in a face.
-#[derive(Clone, Debug)]
-pub struct Parts {
-    /// The parts, as an igloo.
-    pub igloo: Igloo,
-    /// The face that each part is of.
-    pub face: Vec<u32>,
-    /// Parts of one face.
-    pub per_face: u32,
 }
 
 const TABLE: usize = 1024;
 
-/// A face is cut in this many parts, squared. From a surface, hair is often seen from outside, with an outline: more parts, and cheap.
-const SPHERE_CUTS: u32 = 3;
-const HEMISPHERE_CUTS: u32 = 4;
-
 impl Igloo {
-    /// An igloo with `per_hemisphere` faces on each hemisphere that it covers (at least 1). It holds tables: make it once for many points.
+    /// An igloo with `per_hemisphere` faces on each hemisphere that it covers (at least 1). It holds a table: make it once for many points.
     pub fn new(span: Span, per_hemisphere: u32) -> Self {
-        let cuts = if span == Span::Sphere { SPHERE_CUTS } else { HEMISPHERE_CUTS };
-        Self::with_cuts(span, per_hemisphere, cuts)
-    }
-
-    /// The same with each face cut in `cuts` x `cuts` parts for Γ.
-    pub fn with_cuts(span: Span, per_hemisphere: u32, cuts: u32) -> Self {
         let m = per_hemisphere.max(1);
         let cumulative = cumulative_counts(m);
         let z = |k: u32| 1.0 - f64::from(k) / f64::from(m);
@@ -94,9 +66,7 @@ impl Igloo {
                 faces += ring.count;
             }
         }
-        let mut igloo = Self::of_rings(span, rings, faces);
-        igloo.parts = (cuts > 1).then(|| Box::new(igloo.cut(cuts)));
-        igloo
+        Self::of_rings(span, rings, faces)
     }
 
     fn of_rings(span: Span, rings: Vec<Ring>, faces: u32) -> Self {
@@ -112,34 +82,7 @@ impl Igloo {
             })
             .collect();
         let table_scale = TABLE as f32 / height;
-        let mut igloo = Self { span, rings, faces, ring_table, table_scale, lookup: FaceTable::default(), parts: None };
-        igloo.lookup = FaceTable::new(&igloo);
-        igloo
-    }
-
-    fn cut(&self, cuts: u32) -> Parts {
-        let mut rings = Vec::new();
-        let mut face = Vec::new();
-        for ring in &self.rings {
-            let z = |i: u32| ring.top + (ring.bottom - ring.top) * (i as f32 / cuts as f32);
-            for i in 0..cuts {
-                let bottom = if i + 1 == cuts { ring.bottom } else { z(i + 1) };
-                let count = ring.count * cuts;
-                rings.push(Ring { top: z(i), bottom, first: face.len() as u32, count });
-                face.extend((0..count).map(|sector| ring.first + sector / cuts));
-            }
-        }
-        Parts { igloo: Self::of_rings(self.span, rings, face.len() as u32), face, per_face: cuts * cuts }
-    }
-
-    /// The parts that the faces are cut in.
-    pub fn parts(&self) -> Option<&Parts> {
-        self.parts.as_deref()
-    }
-
-    /// The quick way from a direction to its face.
-    pub fn lookup(&self) -> &FaceTable {
-        &self.lookup
+        Self { span, rings, faces, ring_table, table_scale }
     }
 
     /// Number of faces.
@@ -335,24 +278,6 @@ mod tests {
                         assert_eq!(igloo.face_of(direction), face, "M = {m}, {direction:?}");
                     }
                     assert_eq!(igloo.face_of(igloo.center(face)), face);
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn parts_have_equal_areas_and_lie_in_their_faces() {
-        for span in [Span::Hemisphere, Span::Sphere] {
-            for m in [1, 5, 100] {
-                let igloo = Igloo::with_cuts(span, m, 3);
-                let parts = igloo.parts().unwrap();
-                assert_eq!(parts.igloo.len(), 9 * igloo.len());
-                for (part, &face) in parts.face.iter().enumerate() {
-                    assert_eq!(igloo.face_of(parts.igloo.direction(part, 0.5, 0.5)), face as usize);
-                }
-                for ring in parts.igloo.rings() {
-                    let area = f64::from(ring.top - ring.bottom) / f64::from(ring.count) * f64::from(9 * m);
-                    assert!((area - 1.0).abs() < 1e-4, "M = {m}, {ring:?}: {area}");
                 }
             }
         }

@@ -7,6 +7,7 @@
 use glam::Vec3;
 
 use super::depth_map::Grid;
+use super::segment::MEAN_CHORD;
 use super::{DepthMap, Receiver};
 
 /// Lanes of a node and of a block.
@@ -19,9 +20,6 @@ pub type Lanes = [f32; LANES];
 
 /// Coordinate of lanes that hold nothing: far away from everything, and its square is finite.
 pub const NOWHERE: f32 = 1e15;
-
-/// Mean chord of a square of side 1 under random lines, each weighted by its length: what a point of a strand lies on.
-const MEAN_CHORD: f32 = 0.9463;
 
 /// Sixteen clusters, each standing for one child.
 #[derive(Clone, Debug)]

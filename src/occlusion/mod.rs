@@ -1,7 +1,7 @@
 //! Γ: how much of each face of an igloo the hair lets through (paper, Eq. 8 and 10).
 //!
-//! Two independent estimators: `projection` of the segments on the igloo, far hair gathered in `clusters` or thinned out, and
-//! `raytraced`. Both work in render space with `OnStrand`'s rule for what does not count, and both stop at the first opaque
+//! Two independent estimators: projection of the segments on the igloo, far hair gathered in `clusters` or `thinned` out, and
+//! `raytraced`. A `segment` by itself is projected on the sphere (`projection`) or as in the paper (`tangent`). Both estimators work in render space with `OnStrand`'s rule for what does not count, and both stop at the first opaque
 //! surface, whose distance per face the caller knows.
 
 pub mod accuracy;
@@ -13,6 +13,9 @@ pub mod projection;
 mod query;
 pub mod raytraced;
 mod ribbon;
+pub mod segment;
+pub mod tangent;
+pub mod thinned;
 mod walk;
 
 use glam::{Mat3, Vec3};
@@ -23,9 +26,19 @@ pub use depth_map::DepthMap;
 pub use layer::Transmittance;
 pub use query::{Instructions, Scratch};
 pub use raytraced::HairRays;
+pub use thinned::{ThinnedSegments, Thinning};
 
 use crate::hair::OnStrand;
 pub use crate::igloo::{Igloo, Span, frame_around};
+
+/// How a segment by itself is projected on the igloo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Projection {
+    /// On the sphere, exactly, wide ribbons in slices (`projection`).
+    Sphere,
+    /// On the plane tangent to the hemisphere's top (paper, A.2; `tangent`).
+    TangentPlane,
+}
 
 /// The point for which Γ is asked.
 #[derive(Clone, Copy, Debug)]

@@ -5,6 +5,7 @@ use super::depth_map::Corners;
 use super::lanes::{self, ALL, Block, LANES, Lanes, Node, Rods, Splat, View, bits, prefetch};
 use super::query::Scratch;
 use super::ribbon::{self, Ribbon};
+use super::segment::counted;
 use super::{DepthMap, Receiver};
 use crate::hair::HairModel;
 
@@ -176,11 +177,7 @@ impl Walk<'_> {
     fn near_segment(&self, block: &Block, lane: usize, scratch: &mut Scratch) {
         let [a, b] = block.ends(lane).map(|end| end - self.receiver.position);
         let widths = [block.widths[0][lane], block.widths[1][lane]];
-        let mut parts = [Some([0.0, 1.0]), None];
-        if let Some(on) = self.receiver.on.filter(|on| on.strand == block.strand[lane]) {
-            let p = self.model.segment_point[block.segment[lane] as usize] as usize;
-            parts = outside(on.excluded(), [self.model.arc[p], self.model.arc[p + 1]]);
-        }
+        let parts = counted(self.model, self.receiver, block.segment[lane] as usize);
         for [from, to] in parts.into_iter().flatten() {
             let ribbon = Ribbon::new(a, b, widths, [from, to], block.opacity[lane]);
             if let Some(ribbon) = ribbon {
@@ -188,12 +185,4 @@ impl Walk<'_> {
             }
         }
     }
-}
-
-/// The parts of the arc range `arcs` outside `excluded`, as parameters 0 to 1 along it.
-fn outside(excluded: [f32; 2], arcs: [f32; 2]) -> [Option<[f32; 2]>; 2] {
-    let length = arcs[1] - arcs[0];
-    let before = ((excluded[0] - arcs[0]) / length).min(1.0);
-    let after = ((excluded[1] - arcs[0]) / length).max(0.0);
-    [(before > 0.0).then_some([0.0, before]), (after < 1.0).then_some([after, 1.0])]
 }

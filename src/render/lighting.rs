@@ -13,10 +13,11 @@ use crate::hair::{OnStrand, StrandSample};
 use crate::hash::{hash, to_unit};
 use crate::illumination::{Environment, Illumination};
 use crate::occlusion::{
-    ClusterTree, DepthMap, HairRays, Igloo, Receiver, Scratch, Span, Transmittance, frame_around, raytraced,
+    ClusterTree, DepthMap, Fineness, HairRays, Igloo, Projection, Receiver, Scratch, Span, ThinnedSegments, Thinning,
+    Transmittance, frame_around, layer, projection, raytraced,
 };
 use crate::scene::Scene;
-use crate::scene::description::{Occlusion, OcclusionMode, TransmittanceRule};
+use crate::scene::description::{Occlusion, OcclusionMode, ProjectionRule, TransmittanceRule};
 use crate::shading::{Highlight, KajiyaKay, Lambert};
 use crate::surface::SurfacePoint;
 
@@ -35,9 +36,14 @@ enum Estimator {
     Free,
     Projected {
         tree: ClusterTree,
-        opening: f32,
-        sphere: DepthMap,
-        hemisphere: DepthMap,
+        sphere: (DepthMap, f32),
+        hemisphere: (DepthMap, f32),
+    },
+    /// The paper's own: segment by segment.
+    Segments {
+        segments: ThinnedSegments,
+        thinning: Thinning,
+        projection: Projection,
     },
     Raytraced {
         rays: u32,
@@ -108,6 +114,7 @@ pub struct Workspace {
     /// The normal around which `means` was computed.
     means_normal: Vec3,
     clusters: Scratch,
+    pieces: Vec<projection::Piece>,
     pub clock: Clock,
 }
 
@@ -245,12 +252,19 @@ impl<'s> Lighting<'s> {
         space.gamma.clear();
         match &self.estimator {
             Estimator::Free => space.gamma.resize(igloo.len(), 1.0),
-            Estimator::Projected { tree, opening, sphere, hemisphere } => {
+            Estimator::Projected { tree, sphere, hemisphere } => {
                 space.gamma.resize(igloo.len(), 0.0);
-                let map = if igloo.span() == Span::Sphere { sphere } else { hemisphere };
+                let (map, opening) = if igloo.span() == Span::Sphere { sphere } else { hemisphere };
                 let far = self.effects.surfaces.then_some(&space.far[..]);
                 let (gamma, scratch) = (&mut space.gamma, &mut space.clusters);
                 tree.transmittances(&self.scene.hair, receiver, map, *opening, far, gamma, scratch);
+            }
+            Estimator::Segments { segments, thinning, projection } => {
+                space.gamma.resize(igloo.len(), 0.0);
+                let (far, depth, pieces) = (&space.far, &mut space.gamma, &mut space.pieces);
+                let hair = &self.scene.hair;
+                segments.optical_depths(receiver, igloo, thinning, *projection, far, depth, hair, pieces);
+                layer::transmittances(depth);
             }
             Estimator::Raytraced { rays, residual } => {
                 space.gamma.resize(igloo.len(), 0.0);
@@ -380,14 +394,30 @@ fn estimator(scene: &Scene, settings: &Occlusion, rule: Transmittance) -> Estima
     match settings.mode {
         OcclusionMode::None => Estimator::Free,
         OcclusionMode::Raytraced => Estimator::Raytraced { rays: settings.rays, residual: settings.residual as f32 },
-        OcclusionMode::Igloo => {
-            let map = |span, side| DepthMap::new(&Igloo::new(span, settings.faces), side);
-            Estimator::Projected {
-                tree: ClusterTree::build(&scene.hair, rule),
-                opening: 0.3,
-                sphere: map(Span::Sphere, 24),
-                hemisphere: map(Span::Hemisphere, 24),
-            }
-        }
+        OcclusionMode::Igloo => projected(scene, settings, rule),
     }
+}
+
+fn projected(scene: &Scene, settings: &Occlusion, rule: Transmittance) -> Estimator {
+    let projection = match settings.projection {
+        ProjectionRule::Sphere => Projection::Sphere,
+        ProjectionRule::TangentPlane => Projection::TangentPlane,
+    };
+    let thinning = settings.thinning.as_ref().map(|thinning| Thinning {
+        fraction: thinning.fraction as f32,
+        distance_unit: thinning.distance_unit.map_or(f32::INFINITY, |d| scene.space.length(d) as f32),
+    });
+    if thinning.is_some() || projection == Projection::TangentPlane {
+        let segments = ThinnedSegments::build(&scene.hair, rule);
+        return Estimator::Segments { segments, thinning: thinning.unwrap_or(Thinning::NONE), projection };
+    }
+    let sides = |span| {
+        let igloo = Igloo::new(span, settings.faces);
+        let fineness = Fineness::for_faces(span, settings.faces, Some(settings.opening as f32));
+        let map = fineness.map(&igloo);
+        let opening = fineness.angle(&map);
+        (map, opening)
+    };
+    let [sphere, hemisphere] = [Span::Sphere, Span::Hemisphere].map(sides);
+    Estimator::Projected { tree: ClusterTree::build(&scene.hair, rule), sphere, hemisphere }
 }

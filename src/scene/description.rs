@@ -435,15 +435,17 @@ pub struct Occlusion {
     /// Faces of equal area on one hemisphere of the igloo; hair uses two hemispheres.
     #[schemars(range(min = 1, max = 100000))]
     pub faces: u32,
-    /// For the igloo: hair whose radius is below this many face widths is projected as one lump; 0 projects every segment by itself.
+    /// For the igloo: hair whose radius is below this many face widths is projected as one lump; 0 projects every segment by itself. Without effect where that is done anyway: with `thinning`, or on the tangent plane.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub opening: f64,
+    /// For the igloo: how a segment by itself is projected.
+    pub projection: ProjectionRule,
     /// What one crossing of a strand lets through.
     pub transmittance: TransmittanceRule,
     /// For `segment-length`: the length of hair over which a strand's transparency holds, in scene units (the paper's σ is per this length).
     #[schemars(range(min = 1e-9, max = 1e9))]
     pub unit_length: f64,
-    /// For the igloo: use only a part of the hair and scale it up (the paper's section 5). All of it unless given.
+    /// For the igloo: use only a part of the hair, segment by segment, and scale it up (the paper's section 5). Layers then cover whole faces. Unless given, all hair is used.
     pub thinning: Option<Thinning>,
     /// For `raytraced`: rays a shading point, rounded up to whole rays a face.
     #[schemars(range(min = 1, max = 10000000))]
@@ -459,6 +461,7 @@ impl Default for Occlusion {
             mode: OcclusionMode::Igloo,
             faces: 100,
             opening: 0.7,
+            projection: ProjectionRule::Sphere,
             transmittance: TransmittanceRule::Crossing,
             unit_length: 1.0,
             thinning: None,
@@ -479,6 +482,17 @@ pub enum OcclusionMode {
     Raytraced,
     /// Hair blocks nothing of the environment's light: Γ is 1.
     None,
+}
+
+/// How a segment is projected on the igloo.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ProjectionRule {
+    /// On the sphere itself, exactly.
+    #[default]
+    Sphere,
+    /// The paper's appendix A.2, for comparison: every segment by itself, on the plane tangent to the hemisphere's top. What crosses the horizon is lost.
+    TangentPlane,
 }
 
 /// What one crossing of a strand lets through.

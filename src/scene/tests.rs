@@ -366,6 +366,10 @@ fn oddities_are_warnings() {
         ]
     );
     assert!(warnings("[[surface]]\nsphere = {}\n[environment]\ncolor = [0, 0, 0]")[0].contains("no light"));
+    let by_itself = |keys: &str| warnings(&format!("[occlusion]\n{keys}")).concat();
+    assert!(by_itself("projection = 'tangent-plane'\nopening = 0.5").contains("occlusion.opening has no effect on"));
+    assert!(by_itself("thinning = {}\nopening = 0.5").contains("occlusion.opening has no effect beside"));
+    assert!(by_itself("projection = 'tangent-plane'\nmode = 'none'").contains("occlusion.projection has no effect"));
 }
 
 #[test]

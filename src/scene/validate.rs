@@ -296,7 +296,11 @@ impl Validator<'_> {
             self.no_effect(&path, &["rays", "residual"], "unless occlusion.mode is \"raytraced\"");
         }
         if occlusion.mode != OcclusionMode::Igloo {
-            self.no_effect(&path, &["thinning"], "unless occlusion.mode is \"igloo\"");
+            self.no_effect(&path, &["thinning", "projection"], "unless occlusion.mode is \"igloo\"");
+        } else if occlusion.opening > 0.0 && occlusion.thinning.is_some() {
+            self.no_effect(&path, &["opening"], "beside occlusion.thinning: every segment is projected by itself");
+        } else if occlusion.opening > 0.0 && occlusion.projection == ProjectionRule::TangentPlane {
+            self.no_effect(&path, &["opening"], "on the tangent plane: every segment is projected by itself");
         }
         if occlusion.transmittance != TransmittanceRule::SegmentLength {
             self.no_effect(&path, &["unit_length"], "unless occlusion.transmittance is \"segment-length\"");

@@ -8,7 +8,10 @@ use rayon::prelude::*;
 use tress::hair::formats::{Options, read};
 use tress::hair::{Attribute, HairModel, Strands};
 use tress::hash::unit;
-use tress::occlusion::{ClusterTree, DepthMap, HairRays, Igloo, Receiver, Scratch, Span, frame_around};
+use tress::occlusion::{
+    ClusterTree, DepthMap, Fineness, HairRays, Igloo, Projection, Receiver, Scratch, Span, ThinnedSegments, Thinning,
+    Transmittance, frame_around, layer,
+};
 use tress::scene::description::HairFormat;
 
 /// A uniform number in [0, 1).
@@ -210,21 +213,69 @@ pub fn igloo_for(receiver: &Receiver, faces: u32) -> Igloo {
     Igloo::new(if receiver.on.is_some() { Span::Sphere } else { Span::Hemisphere }, faces)
 }
 
-/// Γ̄ over the igloo by projection, with nothing behind the hair; `opening` in radians.
-pub fn projected(
-    tree: &ClusterTree,
-    model: &HairModel,
-    receivers: &[Receiver],
-    map: &DepthMap,
-    faces: usize,
-    opening: f32,
-) -> Vec<f64> {
-    let value = |scratch: &mut Scratch, receiver: &Receiver| {
-        let mut gamma = vec![0.0; faces];
-        tree.transmittances(model, receiver, map, opening, None, &mut gamma, scratch);
-        mean(&gamma)
-    };
-    receivers.par_iter().map_init(Scratch::default, value).collect()
+/// A way to find Γ by projection.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Way {
+    /// With clusters; where no fineness is given, that which goes with the faces.
+    Clusters(Option<Fineness>),
+    /// Segment by segment, on whole faces.
+    Segments(Thinning),
+}
+
+/// What one way needs of a model and a kind of igloo.
+pub enum Projector<'a> {
+    Clusters { tree: ClusterTree, map: DepthMap, opening: f32, model: &'a HairModel, igloo: &'a Igloo },
+    Segments { segments: ThinnedSegments, thinning: Thinning, model: &'a HairModel, igloo: &'a Igloo },
+}
+
+impl<'a> Projector<'a> {
+    pub fn new(model: &'a HairModel, rule: Transmittance, igloo: &'a Igloo, way: Way) -> Self {
+        match way {
+            Way::Clusters(fineness) => {
+                let per_hemisphere = igloo.len() as u32 / if igloo.span() == Span::Sphere { 2 } else { 1 };
+                let usual = Fineness::for_faces(igloo.span(), per_hemisphere, None);
+                let fineness = fineness.unwrap_or(usual);
+                let map = fineness.map(igloo);
+                let opening = fineness.angle(&map);
+                Self::Clusters { tree: ClusterTree::build(model, rule), map, opening, model, igloo }
+            }
+            Way::Segments(thinning) => {
+                Self::Segments { segments: ThinnedSegments::build(model, rule), thinning, model, igloo }
+            }
+        }
+    }
+
+    /// Γ of each face.
+    pub fn faces(&self, receiver: &Receiver, far: Option<&[f32]>, scratch: &mut Scratch) -> Vec<f32> {
+        match self {
+            Self::Clusters { tree, map, opening, model, igloo } => {
+                let mut gamma = vec![0.0; igloo.len()];
+                tree.transmittances(model, receiver, map, *opening, far, &mut gamma, scratch);
+                gamma
+            }
+            Self::Segments { segments, thinning, model, igloo } => {
+                let mut depth = vec![0.0; igloo.len()];
+                let endless = vec![f32::INFINITY; igloo.len()];
+                let (far, mut pieces) = (far.unwrap_or(&endless), Vec::new());
+                let sphere = Projection::Sphere;
+                segments.optical_depths(receiver, igloo, thinning, sphere, far, &mut depth, model, &mut pieces);
+                layer::transmittances(&mut depth);
+                depth
+            }
+        }
+    }
+
+    /// Γ̄ over the igloo for many points of one kind, with nothing behind the hair.
+    pub fn means(&self, receivers: &[Receiver]) -> Vec<f64> {
+        let value = |scratch: &mut Scratch, receiver: &Receiver| mean(&self.faces(receiver, None, scratch));
+        receivers.par_iter().map_init(Scratch::default, value).collect()
+    }
+}
+
+/// Γ̄ over the igloo by projection, with nothing behind the hair.
+pub fn projected(model: &HairModel, receivers: &[Receiver], faces: u32, way: Way) -> Vec<f64> {
+    let igloo = igloo_for(&receivers[0], faces);
+    Projector::new(model, Transmittance::Crossing, &igloo, way).means(receivers)
 }
 
 /// Γ̄ over the igloo by `rays` rays, with nothing behind the hair.
