@@ -1,8 +1,9 @@
-//! Reading whole files that may be anything.
+//! Reading whole files that may be anything, and writing files that are whole or not there.
 
 use std::fs::File;
-use std::io::{Error, Read, Result};
-use std::path::Path;
+use std::io::{Error, Read, Result, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
 
 /// The whole of a regular file, unless it has more than `limit` bytes.
 ///
@@ -27,6 +28,28 @@ pub(crate) fn read_regular(path: &Path, limit: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// Writes a file that appears under its name when it is whole and on disk; until then what had that name stays as it was.
+///
+/// # Errors
+/// What the system says; a name that is a device or a pipe, which would be replaced.
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    // A symbolic link keeps its place.
+    let path: PathBuf = match path.metadata() {
+        Ok(data) if !data.is_file() => return Err(Error::other("it is there already and no regular file")),
+        Ok(_) => path.canonicalize()?,
+        Err(_) => path.to_owned(),
+    };
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".tress-");
+    // Temporary files are private by default; this one is to become an ordinary file, as the umask says.
+    builder.permissions(PermissionsExt::from_mode(0o666));
+    let mut file = builder.tempfile_in(folder)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist(path).map(drop).map_err(|e| e.error)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -39,5 +62,20 @@ mod tests {
         assert!(read_regular(file.path(), 4).unwrap_err().to_string().contains("5 bytes"));
         assert!(read_regular(Path::new("/dev/zero"), 5).unwrap_err().to_string().contains("regular"));
         assert!(read_regular(&std::env::temp_dir(), 5).is_err());
+    }
+
+    #[test]
+    fn files_are_replaced_whole_and_links_followed() {
+        let folder = tempfile::tempdir().unwrap();
+        let [file, link, null] = ["a.json", "b.json", "null.json"].map(|name| folder.path().join(name));
+        write_whole(&file, b"old").unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        write_whole(&link, b"new").unwrap();
+        assert_eq!(std::fs::read(&file).unwrap(), b"new");
+        assert!(link.is_symlink());
+        std::os::unix::fs::symlink("/dev/null", &null).unwrap();
+        assert!(write_whole(&null, b"x").unwrap_err().to_string().contains("no regular file"));
+        assert!(write_whole(&folder.path().join("no/a.json"), b"x").is_err());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3, "no temporary file is left");
     }
 }

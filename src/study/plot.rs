@@ -1,0 +1,188 @@
+//! A cross-check as a picture (SVG): the two estimators against each other, and below it their difference, finer.
+
+use std::error::Error;
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use thiserror::Error;
+
+use super::report::{Compared, Part, Report, Verdict};
+
+/// Width and height, in pixels.
+const SIZE: (u32, u32) = (860, 1180);
+/// Heights of the title and of the upper panel.
+const TITLE: u32 = 92;
+const SCATTER: u32 = 720;
+
+/// Brown for hair, blue for surfaces: told apart by eyes that see red and green alike.
+const HAIR: RGBColor = RGBColor(176, 92, 20);
+const SURFACE: RGBColor = RGBColor(20, 110, 190);
+const BAND: RGBColor = RGBColor(226, 230, 222);
+const INK: RGBColor = RGBColor(50, 50, 50);
+const GRID: RGBColor = RGBColor(225, 225, 225);
+const FONT: &str = "sans-serif";
+
+/// Why there is no plot.
+#[derive(Debug, Error)]
+pub enum PlotError {
+    /// A cross-check without points.
+    #[error("there are no points to plot")]
+    Nothing,
+    #[error("cannot draw the plot: {0}")]
+    Drawing(String),
+}
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// Draws a cross-check as SVG.
+///
+/// # Errors
+/// A report without points.
+pub fn svg(report: &Report) -> Result<String, PlotError> {
+    let Some(all) = report.all.as_ref().filter(|_| !report.points.is_empty()) else { return Err(PlotError::Nothing) };
+    let mut text = String::new();
+    draw(report, all, &mut text).map_err(|e| PlotError::Drawing(e.to_string()))?;
+    Ok(text)
+}
+
+fn draw(report: &Report, all: &Part, text: &mut String) -> Result<(), Box<dyn Error>> {
+    let root = SVGBackend::with_string(text, SIZE).into_drawing_area();
+    root.fill(&WHITE)?;
+    let (title, panels) = root.split_vertically(TITLE);
+    let (scatter, differences) = panels.split_vertically(SCATTER);
+    title_lines(report, all, &title)?;
+    draw_scatter(report, &scatter)?;
+    draw_differences(report, &differences)?;
+    root.present()?;
+    Ok(())
+}
+
+fn title_lines(report: &Report, all: &Part, area: &Area<'_>) -> Result<(), Box<dyn Error>> {
+    let centered = Pos::new(HPos::Center, VPos::Center);
+    let middle = SIZE.0 as i32 / 2;
+    let line = |text: String, size: u32, y: i32| {
+        area.draw(&Text::new(text, (middle, y), (FONT, size).into_font().color(&INK).pos(centered)))
+    };
+    let rms = &all.summary.rms;
+    let interval = match (rms.low, rms.high) {
+        (Some(low), Some(high)) => format!(" ({low:.4} to {high:.4})"),
+        _ => String::new(),
+    };
+    let verdict = match report.verdict {
+        Verdict::Held => "held",
+        Verdict::Exceeded => "exceeded",
+        Verdict::Undecided | Verdict::Nothing => "not decided",
+    };
+    line(printable(&report.scene), 25, 32)?;
+    line(
+        format!(
+            "RMS difference {:.4}{interval}, mean {:+.4}; accuracy {} {verdict}",
+            rms.value, all.summary.mean.value, report.accuracy
+        ),
+        17,
+        66,
+    )?;
+    Ok(())
+}
+
+/// Projection over rays.
+fn draw_scatter(report: &Report, area: &Area<'_>) -> Result<(), Box<dyn Error>> {
+    let mut chart = ChartBuilder::on(area)
+        .margin_left(14)
+        .margin_right(40)
+        .margin_top(4)
+        .x_label_area_size(52)
+        .y_label_area_size(78)
+        .build_cartesian_2d(0.0..1.0, 0.0..1.0)?;
+    chart
+        .configure_mesh()
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(GRID)
+        .axis_style(INK)
+        .label_style((FONT, 15).into_font().color(&INK))
+        .axis_desc_style((FONT, 17).into_font().color(&INK))
+        .x_desc("sky visibility by rays")
+        .y_desc("sky visibility by projection")
+        .x_labels(6)
+        .y_labels(6)
+        .draw()?;
+    let a = report.accuracy.min(1.0);
+    let band = vec![(0.0, 0.0), (0.0, a), (1.0 - a, 1.0), (1.0, 1.0), (1.0, 1.0 - a), (a, 0.0)];
+    chart
+        .draw_series([Polygon::new(band, BAND)])?
+        .label(format!("within the accuracy of {}", report.accuracy))
+        .legend(|(x, y)| Rectangle::new([(x, y - 6), (x + 18, y + 6)], BAND.filled()));
+    chart
+        .draw_series(LineSeries::new([(0.0, 0.0), (1.0, 1.0)], INK))?
+        .label("equal")
+        .legend(|(x, y)| PathElement::new([(x, y), (x + 18, y)], INK));
+    for (on_hair, name) in [(true, "hair"), (false, "surfaces")] {
+        let points: Vec<&Compared> = report.points.iter().filter(|point| point.on_hair() == on_hair).collect();
+        if points.is_empty() {
+            continue;
+        }
+        let dots = points.iter().map(|point| dot((point.rays, point.projection), on_hair));
+        chart
+            .draw_series(dots)?
+            .label(format!("on {name} ({})", points.len()))
+            .legend(move |(x, y)| dot((x + 9, y), on_hair));
+    }
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperLeft)
+        .margin(16)
+        .legend_area_size(28)
+        .label_font((FONT, 16).into_font().color(&INK))
+        .background_style(WHITE.mix(0.9))
+        .border_style(GRID)
+        .draw()?;
+    Ok(())
+}
+
+/// The difference over rays: where a scatter shows a line, this shows what is left.
+fn draw_differences(report: &Report, area: &Area<'_>) -> Result<(), Box<dyn Error>> {
+    let largest = report.points.iter().map(|point| point.difference.abs()).fold(0.0, f64::max);
+    let reach = 1.15 * largest.max(report.accuracy);
+    let mut chart = ChartBuilder::on(area)
+        .margin_left(14)
+        .margin_right(40)
+        .margin_top(18)
+        .margin_bottom(8)
+        .x_label_area_size(52)
+        .y_label_area_size(78)
+        .build_cartesian_2d(0.0..1.0, -reach..reach)?;
+    chart
+        .configure_mesh()
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(GRID)
+        .axis_style(INK)
+        .label_style((FONT, 15).into_font().color(&INK))
+        .axis_desc_style((FONT, 17).into_font().color(&INK))
+        .x_desc("sky visibility by rays")
+        .y_desc("projection less rays")
+        .x_labels(6)
+        .y_labels(7)
+        .y_label_formatter(&|y| tick(*y, reach))
+        .draw()?;
+    let a = report.accuracy;
+    chart.draw_series([Rectangle::new([(0.0, -a), (1.0, a)], BAND.filled())])?;
+    chart.draw_series(LineSeries::new([(0.0, 0.0), (1.0, 0.0)], INK))?;
+    chart.draw_series(report.points.iter().map(|point| dot((point.rays, point.difference), point.on_hair())))?;
+    Ok(())
+}
+
+fn dot<C>(at: C, on_hair: bool) -> Circle<C, i32> {
+    Circle::new(at, 4, if on_hair { HAIR } else { SURFACE }.mix(0.65).filled())
+}
+
+/// A number of the axis with digits enough for its range.
+fn tick(value: f64, reach: f64) -> String {
+    let digits = (1.0 - reach.log10()).ceil().clamp(1.0, 9.0) as usize;
+    format!("{value:+.digits$}")
+}
+
+/// Text that XML can hold.
+fn printable(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { '\u{FFFD}' } else { c }).collect()
+}
