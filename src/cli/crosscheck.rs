@@ -122,32 +122,24 @@ pub(super) fn verdict(report: &Report) -> Result<(), Failure> {
         return Ok(());
     }
     let beyond = |part: &&Part| part.summary.rms.low.is_some_and(|low| low > report.accuracy);
-    let faults: Vec<String> = report
-        .judged()
-        .filter(|(_, part)| beyond(part))
-        .map(|(name, part)| {
-            let rms = &part.summary.rms;
-            let low = rms.low.unwrap_or_default();
-            format!("{name} the estimators of hair occlusion differ by {:.4} RMS (at least {low:.4})", rms.value)
-        })
-        .collect();
-    let advice =
-        "more occlusion.faces with a smaller occlusion.opening, or occlusion.mode = \"raytraced\", come nearer";
+    let fault = |(name, part): (&str, &Part)| {
+        let rms = &part.summary.rms;
+        format!("{:.4} {name} (at least {:.4})", rms.value, rms.low.unwrap_or_default())
+    };
+    let faults: Vec<String> = report.judged().filter(|(_, part)| beyond(part)).map(fault).collect();
     Err(Failure::Disagreement(format!(
-        "{}: {}; the accuracy is {}\n{advice}",
+        "{}: the two estimators of hair occlusion differ by more than the accuracy of {}: RMS {}\n\
+        raise occlusion.faces and lower occlusion.opening, or set occlusion.mode = \"raytraced\"",
         report.scene,
-        faults.join("; "),
-        report.accuracy
+        report.accuracy,
+        faults.join(", ")
     )))
 }
 
 /// The result in words and a table; with `details` also by distance of the hair.
 pub(super) fn lines(report: &Report, details: bool) -> Vec<String> {
     if report.points.is_empty() {
-        let reason = match report.population.hair + report.population.surface {
-            0 if report.all.is_none() => "no hair, or nothing that reflects light is in the picture",
-            _ => "no points",
-        };
+        let reason = if report.has_hair { "no hair and no surface is in the picture" } else { "the scene has no hair" };
         return vec![format!("cross-check: {}: nothing to compare: {reason}", report.scene)];
     }
     let count = |part: &Option<Part>| grouped(part.as_ref().map_or(0, |part| part.summary.points as u64));

@@ -33,7 +33,7 @@ const RAYS: [f64; 2] = [1000.0, 65_536.0];
 /// What a cross-check is to do, beside what the scene says.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// How many points, at least 1; half on hair, half on surfaces.
+    /// How many points, at least 2; half on hair, half on surfaces.
     pub points: usize,
     /// Reference rays a point, rounded up to whole rays a face for each of two halves; by the accuracy where none.
     pub rays: Option<u32>,
@@ -66,6 +66,7 @@ pub fn crosscheck(scene: &mut Scene, settings: &Settings, progress: &dyn Progres
     let seed = scene.description().sampling.seed;
     let mut report = Report::new(scene.document.path.display().to_string(), accuracy, seed, rays);
     if scene.hair.is_empty() {
+        report.has_hair = false;
         return Ok(report);
     }
     let mode = std::mem::replace(&mut scene.document.description.occlusion.mode, OcclusionMode::Igloo);

@@ -10,10 +10,10 @@ use thiserror::Error;
 use super::report::{Compared, Part, Report, Verdict};
 
 /// Width and height, in pixels.
-const SIZE: (u32, u32) = (860, 1180);
-/// Heights of the title and of the upper panel.
+const SIZE: (u32, u32) = (860, 1230);
+/// Heights of the title and of the upper panel, whose axes are then equally long.
 const TITLE: u32 = 92;
-const SCATTER: u32 = 720;
+const SCATTER: u32 = 784;
 
 /// Brown for hair, blue for surfaces: told apart by eyes that see red and green alike.
 const HAIR: RGBColor = RGBColor(176, 92, 20);
@@ -184,5 +184,53 @@ fn tick(value: f64, reach: f64) -> String {
 
 /// Text that XML can hold.
 fn printable(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { '\u{FFFD}' } else { c }).collect()
+    text.chars().map(|c| if c.is_control() || "\u{FFFE}\u{FFFF}".contains(c) { '\u{FFFD}' } else { c }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::report::{Population, Site};
+    use super::*;
+
+    fn report(count: u32, accuracy: f64, difference: f64) -> Report {
+        let point = |index: u32| {
+            let site = if index.is_multiple_of(2) {
+                Site::Hair { object: "fur".to_owned(), strand: index, segment: index }
+            } else {
+                Site::Surface { triangle: index }
+            };
+            let rays = f64::from(index) / f64::from(count);
+            let projection = rays + difference;
+            Compared { pixel: [0, 0], site, projection, rays, halves: [rays; 2], difference, hair_distance: None }
+        };
+        let mut report = Report::new("a<b>&\"c\u{1}\u{FFFF}.toml".to_owned(), accuracy, 0, 1000);
+        report.judge(Population { hair: 10, surface: 10 }, (0..count).map(point).collect());
+        report
+    }
+
+    #[test]
+    fn plots_are_well_formed_whatever_the_numbers() {
+        for (count, accuracy, difference) in [(2, 0.01, 0.0), (30, 1.0, 0.5), (30, 1e-9, 1e-9), (1, 1e-300, 0.0)] {
+            let text = svg(&report(count, accuracy, difference));
+            if count < 2 {
+                // A kind that the picture holds and no point lies on: there is no sum over all.
+                assert!(matches!(text, Err(PlotError::Nothing)));
+                continue;
+            }
+            let text = text.unwrap();
+            let document = roxmltree::Document::parse(&text).unwrap();
+            let circles = document.descendants().filter(|node| node.has_tag_name("circle")).count();
+            assert_eq!(circles as u32, 2 * count + 2);
+            let texts: Vec<_> = document.descendants().filter_map(|node| node.text()).map(str::trim).collect();
+            assert!(texts.contains(&"a<b>&\"c\u{FFFD}\u{FFFD}.toml"), "{texts:?}");
+            for part in ["sky visibility by rays", "sky visibility by projection", "projection less rays", "equal"] {
+                assert!(texts.contains(&part), "{part} in {texts:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn ticks_have_digits_enough() {
+        assert_eq!([tick(0.004, 0.02), tick(-0.5, 1.0), tick(2e-6, 5e-6)], ["+0.004", "-0.5", "+0.0000020"]);
+    }
 }

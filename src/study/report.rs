@@ -15,7 +15,7 @@ const BIN_POINTS: usize = 10;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
-    /// There was nothing to compare: no hair, or none and no surface in the picture.
+    /// There was nothing to compare: the scene has no hair, or neither hair nor surfaces are in the picture.
     Nothing,
     /// The RMS difference is below the accuracy, its whole interval too.
     Held,
@@ -36,6 +36,8 @@ pub struct Report {
     pub seed: u32,
     /// Reference rays a point, at least.
     pub rays: u32,
+    /// Whether the scene has hair.
+    pub has_hair: bool,
     /// How many points a render of the picture shades.
     pub population: Population,
     pub verdict: Verdict,
@@ -130,6 +132,7 @@ impl Report {
             accuracy,
             seed,
             rays,
+            has_hair: true,
             population: Population::default(),
             verdict: Verdict::Nothing,
             all: None,
