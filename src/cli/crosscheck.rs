@@ -1,5 +1,6 @@
 //! `tress crosscheck`: holds the projection of hair against rays through it, at points of the picture.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::check::notes;
@@ -113,7 +114,8 @@ fn json_of(report: &Report) -> Result<String, Failure> {
 }
 
 fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    write_whole(path, text.as_bytes()).map_err(|e| Failure::Output(format!("{}: cannot write it: {e}", path.display())))
+    write_whole(path, |out| out.write_all(text.as_bytes()))
+        .map_err(|e| Failure::Output(format!("{}: cannot write it: {e}", path.display())))
 }
 
 /// An error where the estimators differ by more than the accuracy.

@@ -1,5 +1,6 @@
 //! `tress render`: turns the command line and a scene into a [`RenderRequest`].
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -170,7 +171,7 @@ fn write_statistics(path: &Path, reports: &[FrameReport]) -> Result<(), Failure>
     let failed =
         |e: &dyn std::fmt::Display| Failure::Output(format!("{}: cannot write statistics: {e}", path.display()));
     let text = serde_json::to_string_pretty(reports).map_err(|e| failed(&e))?;
-    write_whole(path, text.as_bytes()).map_err(|e| failed(&e))
+    write_whole(path, |out| out.write_all(text.as_bytes())).map_err(|e| failed(&e))
 }
 
 /// With `--strict`, values that are not finite are a failure; the picture is there all the same.

@@ -7,7 +7,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use thiserror::Error;
 
-use super::report::{Compared, Part, Report, Verdict};
+use super::report::{Part, Report, Verdict};
 
 /// Width and height, in pixels.
 const SIZE: (u32, u32) = (860, 1230);
@@ -117,15 +117,13 @@ fn draw_scatter(report: &Report, area: &Area<'_>) -> Result<(), Box<dyn Error>> 
         .draw_series(LineSeries::new([(0.0, 0.0), (1.0, 1.0)], INK))?
         .label("equal")
         .legend(|(x, y)| PathElement::new([(x, y), (x + 18, y)], INK));
-    for (on_hair, name) in [(true, "hair"), (false, "surfaces")] {
-        let points: Vec<&Compared> = report.points.iter().filter(|point| point.on_hair() == on_hair).collect();
-        if points.is_empty() {
-            continue;
-        }
-        let dots = points.iter().map(|point| dot((point.rays, point.projection), on_hair));
+    for (on_hair, name, part) in [(true, "hair", &report.hair), (false, "surfaces", &report.surface)] {
+        let Some(part) = part else { continue };
+        let points = report.points.iter().filter(|point| point.on_hair() == on_hair);
+        let label = format!("{name}: {} points, RMS {:.4}", part.summary.points, part.summary.rms.value);
         chart
-            .draw_series(dots)?
-            .label(format!("on {name} ({})", points.len()))
+            .draw_series(points.map(|point| dot((point.rays, point.projection), on_hair)))?
+            .label(label)
             .legend(move |(x, y)| dot((x + 9, y), on_hair));
     }
     chart
@@ -173,7 +171,7 @@ fn draw_differences(report: &Report, area: &Area<'_>) -> Result<(), Box<dyn Erro
 }
 
 fn dot<C>(at: C, on_hair: bool) -> Circle<C, i32> {
-    Circle::new(at, 4, if on_hair { HAIR } else { SURFACE }.mix(0.65).filled())
+    Circle::new(at, 3, if on_hair { HAIR } else { SURFACE }.mix(0.65).filled())
 }
 
 /// A number of the axis with digits enough for its range.
@@ -189,7 +187,7 @@ fn printable(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::report::{Population, Site};
+    use super::super::report::{Compared, Population, Site};
     use super::*;
 
     fn report(count: u32, accuracy: f64, difference: f64) -> Report {

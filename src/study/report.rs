@@ -221,7 +221,7 @@ mod tests {
     use crate::hash::unit;
 
     /// A point whose estimators differ by `offset` and a little more.
-    pub(crate) fn point(index: u32, hair: bool, offset: f64) -> Compared {
+    fn point(index: u32, hair: bool, offset: f64) -> Compared {
         let site = if hair {
             Site::Hair { object: "fur".to_owned(), strand: index, segment: 9 * index }
         } else {
@@ -232,7 +232,7 @@ mod tests {
         let halves = [rays + 0.002 * random(1), rays + 0.002 * random(2)];
         let rays = 0.5 * (halves[0] + halves[1]);
         let projection = rays + offset + 0.002 * random(3);
-        let hair_distance = (index % 10 != 0).then_some(f64::from(index));
+        let hair_distance = (!index.is_multiple_of(10)).then_some(f64::from(index));
         Compared { pixel: [index, 1], site, projection, rays, halves, difference: projection - rays, hair_distance }
     }
 
