@@ -178,7 +178,7 @@ pub(super) fn lines(report: &Report, details: bool) -> Vec<String> {
         Verdict::Held => format!("the accuracy of {} is held", report.accuracy),
         Verdict::Exceeded => format!("the accuracy of {} is not held", report.accuracy),
         Verdict::Undecided | Verdict::Nothing => format!(
-            "whether the accuracy of {} is held cannot be told from so few points: more --points of `tress crosscheck` narrow the interval",
+            "whether the accuracy of {} is held cannot be told from so few points: tress crosscheck with more --points narrows the interval",
             report.accuracy
         ),
     });

@@ -46,7 +46,7 @@ pub(crate) struct Arguments {
     /// Fail with exit status 6 where a value that is not finite is met
     #[arg(long)]
     strict: bool,
-    /// Check hair occlusion after the render: compare the igloo with rays at a few of the points that were shaded, as `tress crosscheck` does. Fail with exit status 5 where they differ by more than the accuracy
+    /// Check hair occlusion after the render: compare the igloo with rays at a few of the points that were shaded, as tress crosscheck does. Fail with exit status 5 where they differ by more than the accuracy
     #[arg(long)]
     crosscheck: bool,
     /// Write statistics of the run to this file
