@@ -8,12 +8,13 @@ use std::process::ExitCode;
 pub(crate) const USAGE: u8 = 2;
 
 /// Every exit code and its meaning, for the help and the manual page.
-pub(crate) const STATUS: [(u8, &str); 7] = [
+pub(crate) const STATUS: [(u8, &str); 8] = [
     (0, "done"),
     (1, "a bug in tress"),
     (USAGE, "the command line is wrong"),
     (3, "the scene, or a file that it names, is wrong"),
     (4, "the output cannot be written"),
+    (5, "the two estimators of hair occlusion differ by more than the accuracy"),
     (6, "with --strict: values that are not finite were met"),
     (130, "interrupted (Ctrl-C)"),
 ];
@@ -36,6 +37,9 @@ pub enum Failure {
     /// The output cannot be written.
     #[error("{0}")]
     Output(String),
+    /// The two estimators of hair occlusion differ by more than the accuracy.
+    #[error("{0}")]
+    Disagreement(String),
     /// With `--strict`: values that are not finite were met.
     #[error("{0}")]
     NonFinite(String),
@@ -55,6 +59,7 @@ impl Failure {
             Failure::Usage(_) => USAGE,
             Failure::Input(_) => 3,
             Failure::Output(_) => 4,
+            Failure::Disagreement(_) => 5,
             Failure::NonFinite(_) => 6,
             Failure::Interrupted => 130,
         }
@@ -113,6 +118,7 @@ mod tests {
             Failure::Usage(text()),
             Failure::Input(text()),
             Failure::Output(text()),
+            Failure::Disagreement(text()),
             Failure::NonFinite(text()),
             Failure::Interrupted,
             Failure::Bug(text()),

@@ -2,6 +2,7 @@
 
 mod check;
 mod completions;
+mod crosscheck;
 mod exit;
 mod grow;
 mod info;
@@ -36,6 +37,7 @@ struct Cli {
 enum Command {
     Render(render::Arguments),
     Check(check::Arguments),
+    Crosscheck(crosscheck::Arguments),
     Info(info::Arguments),
     Grow(grow::Arguments),
     Schema(schema::Arguments),
@@ -84,6 +86,7 @@ fn run(cli: Cli) -> ExitCode {
     let result = match cli.command {
         Command::Render(arguments) => render::run(arguments, verbosity),
         Command::Check(arguments) => check::run(arguments, verbosity),
+        Command::Crosscheck(arguments) => crosscheck::run(arguments, verbosity),
         Command::Info(arguments) => info::run(arguments),
         Command::Grow(arguments) => grow::run(arguments, verbosity),
         Command::Schema(arguments) => schema::run(arguments),

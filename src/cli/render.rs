@@ -7,11 +7,13 @@ use std::time::Instant;
 use clap::builder::PossibleValuesParser;
 
 use super::values::{self, Crop, Frames, Resolution};
-use super::{Failure, Overrides, Verbosity, interrupt, load, progress::Reporter, summary};
+use super::{Failure, Overrides, Verbosity, crosscheck, interrupt, load, progress::Reporter, summary};
+use crate::file::write_whole;
 use crate::fragment::PixelRect;
 use crate::render::{self, Options, RenderError, Statistics, output, progress::Progress, statistics::Stage};
 use crate::scene::frame::frame_path;
 use crate::scene::{Document, Scene};
+use crate::study;
 
 /// Render a scene to an image
 #[derive(clap::Args)]
@@ -44,10 +46,16 @@ pub(crate) struct Arguments {
     /// Fail with exit status 6 where a value that is not finite is met
     #[arg(long)]
     strict: bool,
+    /// Check hair occlusion after the render: compare the igloo with rays at a few of the points that were shaded, as tress crosscheck does. Fail with exit status 5 where they differ by more than the accuracy
+    #[arg(long)]
+    crosscheck: bool,
     /// Write statistics of the run to this file
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
 }
+
+/// Points of `--crosscheck`: a small part of a render's time.
+const CROSSCHECK_POINTS: usize = 64;
 
 /// The words of `occlusion.mode`.
 const MODES: [&str; 3] = ["igloo", "raytraced", "none"];
@@ -67,6 +75,8 @@ pub struct RenderRequest {
     pub threads: Option<usize>,
     /// Whether values that are not finite are an error.
     pub strict: bool,
+    /// Whether the estimators of hair occlusion are compared after the render.
+    pub crosscheck: bool,
     /// Where statistics go.
     pub stats: Option<PathBuf>,
 }
@@ -79,14 +89,14 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
     let frames = request.frames.numbers();
     for &frame in frames {
         let numbered = frames.len() > 1;
-        let statistics = render_frame(&request, frame, &reporter, verbosity, numbered)?;
-        reports.push(FrameReport { frame, statistics });
+        reports.push(render_frame(&request, frame, &reporter, verbosity, numbered)?);
         if let Some(path) = &request.stats {
             // After each frame: what was measured is kept when a later frame fails.
             write_statistics(path, &reports)?;
         }
     }
-    strict(&request, &reports)
+    strict(&request, &reports)?;
+    reports.iter().filter_map(|report| report.crosscheck.as_ref()).try_for_each(crosscheck::verdict)
 }
 
 /// What `--stats` writes of one frame.
@@ -95,6 +105,8 @@ struct FrameReport {
     frame: u32,
     #[serde(flatten)]
     statistics: Statistics,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    crosscheck: Option<study::Report>,
 }
 
 /// Loads, renders and writes one frame.
@@ -104,7 +116,7 @@ fn render_frame(
     progress: &dyn Progress,
     verbosity: Verbosity,
     numbered: bool,
-) -> Result<Statistics, Failure> {
+) -> Result<FrameReport, Failure> {
     let outputs: Vec<PathBuf> = request.outputs.iter().map(|path| frame_path(path, frame)).collect();
     for path in &outputs {
         output::check(path).map_err(|e| Failure::Output(e.to_string()))?;
@@ -116,8 +128,10 @@ fn render_frame(
     if !verbosity.quiet {
         scene.notes.iter().for_each(|note| progress.message(&format!("note: {note}")));
     }
-    let window = request.crop.map(|crop| PixelRect { min: [crop.x0, crop.y0], max: [crop.x1, crop.y1] });
+    let window = window(request.crop, &request.document)?;
     let options = Options { window, threads: request.threads };
+    // The render takes them out of the scene.
+    let surfaces = request.crosscheck.then(|| scene.surfaces.clone());
     let (film, mut statistics) = render::render(&mut scene, &options, progress)?;
     statistics.stages.insert(0, Stage { name: "loading".to_owned(), seconds: loading.as_secs_f64(), peak_bytes: 0 });
     let begin = Instant::now();
@@ -138,18 +152,26 @@ fn render_frame(
     if !verbosity.quiet {
         summary::lines(&statistics, &outputs, verbosity.verbose > 0).iter().for_each(|line| progress.message(line));
     }
-    Ok(statistics)
+    let Some(surfaces) = surfaces else { return Ok(FrameReport { frame, statistics, crosscheck: None }) };
+    scene.surfaces = surfaces;
+    let settings =
+        study::Settings { points: CROSSCHECK_POINTS, rays: None, accuracy: None, window, threads: request.threads };
+    let begin = Instant::now();
+    let mut report = study::crosscheck(&mut scene, &settings, progress)?;
+    statistics.stage("cross-check", begin.elapsed());
+    if !verbosity.quiet {
+        crosscheck::lines(&report, verbosity.verbose > 0).iter().for_each(|line| progress.message(line));
+    }
+    // Statistics are of the frame, not of single points.
+    report.points.clear();
+    Ok(FrameReport { frame, statistics, crosscheck: Some(report) })
 }
 
 fn write_statistics(path: &Path, reports: &[FrameReport]) -> Result<(), Failure> {
     let failed =
         |e: &dyn std::fmt::Display| Failure::Output(format!("{}: cannot write statistics: {e}", path.display()));
     let text = serde_json::to_string_pretty(reports).map_err(|e| failed(&e))?;
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file =
-        tempfile::Builder::new().make_in(folder, |p| std::fs::File::create_new(p)).map_err(|e| failed(&e))?;
-    file.write_all(text.as_bytes()).and_then(|()| file.as_file().sync_all()).map_err(|e| failed(&e))?;
-    file.persist(path).map(drop).map_err(|e| failed(&e.error))
+    write_whole(path, |out| out.write_all(text.as_bytes())).map_err(|e| failed(&e))
 }
 
 /// With `--strict`, values that are not finite are a failure; the picture is there all the same.
@@ -190,13 +212,19 @@ fn request(arguments: Arguments, verbosity: Verbosity) -> Result<RenderRequest, 
     if let Some(stats) = &arguments.stats {
         values::folder_exists(stats)?;
     }
+    window(arguments.crop, &document)?;
+    let threads = arguments.threads.map(usize::from);
+    let Arguments { crop, strict, crosscheck, stats, .. } = arguments;
+    Ok(RenderRequest { document, outputs, frames, crop, threads, strict, crosscheck, stats })
+}
+
+/// The pixels of `--crop`; none where it is not given.
+pub(super) fn window(crop: Option<Crop>, document: &Document) -> Result<Option<PixelRect>, Failure> {
     let [width, height] = document.description.camera.resolution;
-    if let Some(crop) = arguments.crop.filter(|crop| crop.x1 > width || crop.y1 > height) {
+    if let Some(crop) = crop.filter(|crop| crop.x1 > width || crop.y1 > height) {
         return Err(Failure::Usage(format!("--crop {crop} reaches out of the picture of {width}x{height} pixels")));
     }
-    let threads = arguments.threads.map(usize::from);
-    let Arguments { crop, strict, stats, .. } = arguments;
-    Ok(RenderRequest { document, outputs, frames, crop, threads, strict, stats })
+    Ok(crop.map(|crop| PixelRect { min: [crop.x0, crop.y0], max: [crop.x1, crop.y1] }))
 }
 
 /// What `--set` says, and after it the options that stand for a key.
@@ -244,14 +272,14 @@ mod tests {
     #[test]
     fn options_stand_for_keys() {
         let folder = tempfile::tempdir().unwrap();
-        let options = "--occlusion raytraced --resolution 64x32 --seed 7 --set camera.fov=40 --crop 0,0,64,32 --frames 1-3 -o a##.exr --threads 2 --strict";
+        let options = "--occlusion raytraced --resolution 64x32 --seed 7 --set camera.fov=40 --crop 0,0,64,32 --frames 1-3 -o a##.exr --threads 2 --strict --crosscheck";
         let options: Vec<&str> = options.split(' ').collect();
         let request = ask(folder.path(), "output.file = 'b.exr'", &options).unwrap();
         let scene = &request.document.description;
         assert_eq!(scene.occlusion.mode, crate::scene::description::OcclusionMode::Raytraced);
         assert_eq!((scene.camera.resolution, scene.camera.fov, scene.sampling.seed), ([64, 32], 40.0, 7));
         assert_eq!((request.outputs, request.frames.numbers()), (vec![PathBuf::from("a##.exr")], &[1, 2, 3][..]));
-        assert_eq!((request.threads, request.strict), (Some(2), true));
+        assert_eq!((request.threads, request.strict, request.crosscheck), (Some(2), true, true));
         // Without -o the scene's own file, beside the scene.
         let request = ask(folder.path(), "output.file = 'b.exr'", &[]).unwrap();
         assert_eq!((request.outputs, request.frames), (vec![folder.path().join("b.exr")], Frames::default()));

@@ -50,7 +50,7 @@ pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf], effects: bool)
 }
 
 /// A number with its thousands apart.
-fn grouped(number: u64) -> String {
+pub(super) fn grouped(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();
     for (i, digit) in digits.chars().enumerate() {

@@ -122,6 +122,12 @@ fn whole(text: &str) -> Option<u32> {
     digits.then(|| text.parse().ok()).flatten()
 }
 
+/// An RMS error of sky visibility: above 0, up to 1.
+pub(crate) fn accuracy(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|&number: &f64| number > 0.0 && number <= 1.0);
+    number.ok_or_else(|| format!("\"{}\" is no accuracy; write a number above 0 and up to 1, as in 0.01", clip(text)))
+}
+
 /// The argument of `--set`, checked for its form only.
 pub(crate) fn setting(text: &str) -> Result<String, String> {
     crate::scene::overrides::check_form(text).map(|()| text.to_owned())
@@ -166,6 +172,14 @@ mod tests {
     }
 
     #[test]
+    fn accuracies() {
+        assert_eq!((accuracy("0.01"), accuracy("1e-6"), accuracy("1")), (Ok(0.01), Ok(1e-6), Ok(1.0)));
+        for text in ["", "0", "-1", "1.01", "nan", "inf", "1 %"] {
+            assert!(accuracy(text).unwrap_err().contains("as in 0.01"), "{text}");
+        }
+    }
+
+    #[test]
     fn frame_runs() {
         let numbers = |text: &str| frames(text).unwrap().numbers().to_vec();
         assert_eq!(numbers("5"), [5]);
@@ -194,7 +208,7 @@ mod tests {
     proptest! {
         #[test]
         fn any_text_is_read_or_refused(text in "[0-9x,\\-]{0,24}|.*") {
-            let _ = (resolution(&text), crop(&text), setting(&text));
+            let _ = (resolution(&text), crop(&text), setting(&text), accuracy(&text));
             if let Ok(frames) = frames(&text) {
                 prop_assert!(!frames.numbers().is_empty());
             }

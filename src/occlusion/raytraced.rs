@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use glam::{Vec3, Vec4};
 
 use super::{Igloo, Receiver, Transmittance};
-use crate::embree::{CurveScene, Device, Error};
+use crate::embree::{Crossing, CurveScene, Device, Error};
 use crate::hair::{HairModel, OnStrand};
 use crate::hash::{hash, to_unit};
 
@@ -66,14 +66,8 @@ impl HairRays {
         let mut depth = 0_u64;
         let ended = self.scene.crossings(ray.origin, ray.direction, 0.0, ray.far, |crossing| {
             let segment = crossing.segment as usize;
-            if let Some((strand, [from, to])) = excluded
-                && model.strand[segment] == strand
-            {
-                let p = model.segment_point[segment] as usize;
-                let arc = model.arc[p] + (model.arc[p + 1] - model.arc[p]) * crossing.u;
-                if arc > from && arc < to {
-                    return ControlFlow::Continue(());
-                }
+            if own(model, excluded, &crossing) {
+                return ControlFlow::Continue(());
             }
             depth += u64::from(self.depths[segment]);
             if depth > limit || self.depths[segment] == OPAQUE {
@@ -83,6 +77,20 @@ impl HairRays {
             }
         });
         if ended { 0.0 } else { (-(depth as f64) * DEPTH_STEP).exp() as f32 }
+    }
+
+    /// Distance of the first hair that a ray crosses, by the rules of [`transmittance`](Self::transmittance); none where it crosses none.
+    pub fn first_crossing(&self, model: &HairModel, ray: &Ray) -> Option<f32> {
+        let excluded = ray.on.map(|on| (on.strand, on.excluded()));
+        let mut first = None;
+        // Embree visits crossings in no order, so all have to be seen.
+        self.scene.crossings(ray.origin, ray.direction, 0.0, ray.far, |crossing| {
+            if !own(model, excluded, &crossing) && first.is_none_or(|distance| crossing.distance < distance) {
+                first = Some(crossing.distance);
+            }
+            ControlFlow::Continue(())
+        });
+        first
     }
 
     /// Γ̄ of each face from at least `rays` rays over the whole igloo, the same number in each face, stratified inside it.
@@ -115,6 +123,18 @@ impl HairRays {
             *gamma = sum * weight;
         }
     }
+}
+
+/// Whether a crossing lies on the part of the receiver's own strand that does not count.
+fn own(model: &HairModel, excluded: Option<(u32, [f32; 2])>, crossing: &Crossing) -> bool {
+    let Some((strand, [from, to])) = excluded else { return false };
+    let segment = crossing.segment as usize;
+    if model.strand[segment] != strand {
+        return false;
+    }
+    let p = model.segment_point[segment] as usize;
+    let arc = model.arc[p] + (model.arc[p + 1] - model.arc[p]) * crossing.u;
+    arc > from && arc < to
 }
 
 /// The most even grid of at least `count` cells.

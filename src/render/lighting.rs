@@ -178,7 +178,7 @@ impl<'s> Lighting<'s> {
         let specular = self.scene.hair_objects[usize::from(object)].specular;
         let over_faces = KajiyaKay::new(sample.tangent, view, sample.color, specular, broad);
         let in_directions = over_faces.with_highlight(narrow);
-        let receiver = Receiver { position: sample.position, on: Some(sample.on), frame: Mat3::IDENTITY };
+        let receiver = on_hair(sample);
         let mut lit = Lit { occlusion: 1.0, ..Lit::default() };
         if self.arrives() {
             self.look(&receiver, &self.sphere, key, space);
@@ -195,7 +195,7 @@ impl<'s> Lighting<'s> {
     /// Light from a point on a surface. `key` names its random numbers.
     pub fn surface(&self, point: &SurfacePoint, key: u32, space: &mut Workspace) -> Lit {
         let lambert = Lambert { albedo: point.albedo };
-        let receiver = Receiver { position: point.leaving(), on: None, frame: frame_around(point.normal) };
+        let receiver = on_surface(point);
         let mut lit = Lit { emission: point.emission, occlusion: 1.0, ..Lit::default() };
         if point.albedo == Vec3::ZERO {
             return lit;
@@ -219,6 +219,19 @@ impl<'s> Lighting<'s> {
         }
         self.direct(receiver.position, None, space, cosine, &mut lit);
         lit
+    }
+
+    /// Γ̄ around a receiver as the shading of a point finds it, and what another estimator needs for the same question.
+    pub fn around<'a>(&'a self, receiver: &Receiver, key: u32, space: &'a mut Workspace) -> Around<'a> {
+        let igloo = if receiver.on.is_some() { &self.sphere } else { &self.hemisphere };
+        self.look(receiver, igloo, key, space);
+        self.occlude(receiver, igloo, key, space);
+        Around { igloo, far: &space.far, gamma: &space.gamma }
+    }
+
+    /// What rays through hair need; none where the effects do not call for it.
+    pub fn hair_rays(&self) -> Option<&HairRays> {
+        self.hair_rays.as_ref()
     }
 
     /// Whether any light comes from all around.
@@ -374,6 +387,27 @@ impl<'s> Lighting<'s> {
             hair.transmittance(&self.scene.hair, &raytraced::Ray { origin, direction, far, on }, self.residual)
         })
     }
+}
+
+/// Γ̄ of each face of a point's igloo.
+#[derive(Clone, Copy, Debug)]
+pub struct Around<'a> {
+    /// A sphere for hair, a hemisphere around the normal for surfaces.
+    pub igloo: &'a Igloo,
+    /// Distance of the first opaque surface in each face.
+    pub far: &'a [f32],
+    /// Γ̄ of each face.
+    pub gamma: &'a [f32],
+}
+
+/// The receiver of a point on hair.
+pub fn on_hair(sample: &StrandSample) -> Receiver {
+    Receiver { position: sample.position, on: Some(sample.on), frame: Mat3::IDENTITY }
+}
+
+/// The receiver of a point on a surface.
+pub fn on_surface(point: &SurfacePoint) -> Receiver {
+    Receiver { position: point.leaving(), on: None, frame: frame_around(point.normal) }
 }
 
 /// The scene's rule of transmittance, its lengths in render space.

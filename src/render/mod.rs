@@ -1,5 +1,6 @@
 //! The renderer: brings fragments, Γ, Λ and F together into a picture.
 
+mod draw;
 pub mod film;
 mod lighting;
 pub mod output;
@@ -8,6 +9,8 @@ pub mod progress;
 pub mod statistics;
 mod tile;
 
+pub use draw::{Drawn, Place, ShadingPoint, draw};
 pub use film::Film;
-pub use pipeline::{Options, RenderError, render};
+pub use lighting::{Around, Lighting, Workspace};
+pub use pipeline::{Options, RenderError, render, with_threads};
 pub use statistics::Statistics;

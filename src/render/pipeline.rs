@@ -6,15 +6,14 @@ use rayon::prelude::*;
 use thiserror::Error;
 
 use super::film::Film;
-use super::lighting::{Clock, Lighting, transmittance_rule};
+use super::lighting::{Clock, Lighting};
 use super::progress::Progress;
 use super::statistics::Statistics;
 use super::tile::{Frame, TileSpace};
 use crate::effects::Effects;
 use crate::embree;
-use crate::fragment::{BinError, PixelRect, Rank, TileGrid, assign};
+use crate::fragment::{BinError, Bins, PixelRect, TileGrid, assign};
 use crate::scene::Scene;
-use crate::scene::description::LayerChoice;
 
 /// Pixels along a tile's side.
 const TILE: u32 = 16;
@@ -50,12 +49,28 @@ pub fn render(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<(Film, Statistics), RenderError> {
-    let threads = options.threads.unwrap_or(0);
+    with_threads(options.threads, || render_here(scene, options, progress))?
+}
+
+/// Does work with a number of threads of its own; one a processor where none.
+///
+/// # Errors
+/// The system's, when it does not give the threads.
+pub fn with_threads<T: Send>(threads: Option<usize>, work: impl FnOnce() -> T + Send) -> Result<T, RenderError> {
+    let threads = threads.unwrap_or(0);
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
         .map_err(|e| RenderError::Threads { threads, message: e.to_string() })?;
-    pool.install(|| render_here(scene, options, progress))
+    Ok(pool.install(work))
+}
+
+/// The tiles of a picture, or of a part of it, and the hair segments that may touch each.
+pub(super) fn tiles(frame: &Frame<'_>, window: PixelRect) -> Result<(TileGrid, Bins), RenderError> {
+    let grid = TileGrid::new(window, TILE);
+    let segments = frame.scene.hair.segments() as u32;
+    let bins = assign(&grid, &frame.scene.camera.projection(), segments, |index| frame.segment(index))?;
+    Ok((grid, bins))
 }
 
 fn render_here(
@@ -75,25 +90,10 @@ fn render_here(
     };
     let lighting = Lighting::new(scene, effects)?;
     let scene = lighting.scene();
-    let sampling = &scene.description().sampling;
-    let frame = Frame {
-        scene,
-        lighting: &lighting,
-        rule: transmittance_rule(scene),
-        layers: sampling.layers as usize,
-        rank: match sampling.layer_choice {
-            LayerChoice::Seen => Rank::Seen,
-            LayerChoice::Gamma => Rank::Gamma,
-        },
-        per_side: f64::from(sampling.surface_samples).sqrt().ceil() as u32,
-        seed: sampling.seed,
-        background: scene.description().camera.background,
-    };
+    let frame = Frame::new(&lighting);
     let full_size = scene.camera.resolution();
     let window = options.window.unwrap_or(PixelRect::image(full_size));
-    let grid = TileGrid::new(window, TILE);
-    let segment = |index| frame.segment(index);
-    let bins = assign(&grid, &scene.camera.projection(), scene.hair.segments() as u32, segment)?;
+    let (grid, bins) = tiles(&frame, window)?;
     statistics.stage("building", begin.elapsed());
 
     let begin = Instant::now();

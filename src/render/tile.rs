@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use glam::Vec3;
 
 use super::film::{EMPTY_DEPTH, Pixel};
-use super::lighting::{Lighting, Lit, Workspace};
+use super::lighting::{Lighting, Lit, Workspace, transmittance_rule};
 use super::progress::Progress;
 use super::statistics::NonFinite;
 use crate::camera::Camera;
@@ -16,6 +16,7 @@ use crate::hair::StrandSample;
 use crate::hash::hash;
 use crate::occlusion::Transmittance;
 use crate::scene::Scene;
+use crate::scene::description::LayerChoice;
 use crate::surface::{SurfacePoint, Surfaces};
 
 /// Purposes of random numbers.
@@ -52,15 +53,15 @@ pub(super) struct TileSpace {
 }
 
 /// A point to be shaded, and what it counts in its pixel.
-struct Point {
+pub(super) struct Point {
     /// Index of the pixel in the tile.
-    pixel: u32,
+    pub pixel: u32,
     weight: f32,
     depth: f32,
-    what: What,
+    pub what: What,
 }
 
-enum What {
+pub(super) enum What {
     Hair { segment: u32, sample: StrandSample },
     Surface(SurfacePoint),
 }
@@ -77,7 +78,26 @@ pub(super) struct Tile {
     pub non_finite: Vec<NonFinite>,
 }
 
-impl Frame<'_> {
+impl<'a> Frame<'a> {
+    /// A scene's picture, sampled as the scene says.
+    pub fn new(lighting: &'a Lighting<'a>) -> Self {
+        let scene = lighting.scene();
+        let sampling = &scene.description().sampling;
+        Self {
+            scene,
+            lighting,
+            rule: transmittance_rule(scene),
+            layers: sampling.layers as usize,
+            rank: match sampling.layer_choice {
+                LayerChoice::Seen => Rank::Seen,
+                LayerChoice::Gamma => Rank::Gamma,
+            },
+            per_side: f64::from(sampling.surface_samples).sqrt().ceil() as u32,
+            seed: sampling.seed,
+            background: scene.description().camera.background,
+        }
+    }
+
     fn camera(&self) -> &Camera {
         &self.scene.camera
     }
@@ -119,6 +139,12 @@ impl Frame<'_> {
         tile.clock = space.workspace.clock;
         self.sum_up(rect, &space.points, &lit, &mut tile);
         Some(tile)
+    }
+
+    /// Stage 1 alone: the points of the pixels of `rect`, pixel by pixel; `segments` are those that may touch it.
+    pub fn points<'t>(&self, rect: &PixelRect, segments: &[u32], space: &'t mut TileSpace) -> &'t [Point] {
+        self.collect_points(rect, segments, space, &mut Tile::default());
+        &space.points
     }
 
     /// Stage 1: the points of all pixels, and the pixels' alpha and background.
@@ -207,20 +233,25 @@ impl Frame<'_> {
         1.0 - self.rule.opacity(self.scene.hair.transparency[segment], fragment.span * a.distance(b))
     }
 
-    fn light(&self, rect: &PixelRect, point: &Point, space: &mut Workspace) -> Lit {
+    /// What names the random numbers of a point.
+    pub fn key(&self, rect: &PixelRect, point: &Point) -> u32 {
         let [x, y] = point.place(rect);
+        match &point.what {
+            What::Hair { segment, .. } => hash(&[HAIR_POINT, self.seed, x, y, *segment]),
+            What::Surface(hit) => hash(&[SURFACE_POINT, self.seed, x, y, hit.triangle]),
+        }
+    }
+
+    fn light(&self, rect: &PixelRect, point: &Point, space: &mut Workspace) -> Lit {
+        let key = self.key(rect, point);
         let position = point.position();
         let view = (self.camera().position().as_vec3() - position).normalize_or(Vec3::Z);
         match &point.what {
-            What::Hair { segment, sample } => {
-                let key = hash(&[HAIR_POINT, self.seed, x, y, *segment]);
+            What::Hair { sample, .. } => {
                 let object = self.scene.hair.object[sample.on.strand as usize];
                 self.lighting.hair(sample, object, view, key, space)
             }
-            What::Surface(hit) => {
-                let key = hash(&[SURFACE_POINT, self.seed, x, y, hit.triangle]);
-                self.lighting.surface(hit, key, space)
-            }
+            What::Surface(hit) => self.lighting.surface(hit, key, space),
         }
     }
 
@@ -270,7 +301,7 @@ impl Point {
     }
 
     /// Column and row in the whole picture.
-    fn place(&self, rect: &PixelRect) -> [u32; 2] {
+    pub fn place(&self, rect: &PixelRect) -> [u32; 2] {
         let width = rect.max[0] - rect.min[0];
         [rect.min[0] + self.pixel % width, rect.min[1] + self.pixel / width]
     }

@@ -1,13 +1,13 @@
 //! Writing HAIR files. The layout is that of the reader.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::io::Write;
+use std::path::Path;
 
 use glam::Vec3;
 
 use super::Error;
 use super::hair::{COLORS, HEADER_BYTES, MAGIC, POINTS, SEGMENTS, THICKNESS, TRANSPARENCY};
+use crate::file::write_whole;
 use crate::hair::strands::{Attribute, Strands};
 
 /// Writes strands as a HAIR file whose thickness is the diameter.
@@ -25,42 +25,7 @@ pub fn write_hair(strands: &Strands, path: &Path) -> Result<(), Error> {
         let count = points.len() - 1;
         return Err(unwritable(format!("strand {index} has {count} segments; the HAIR format holds up to 65535")));
     }
-    write_file(strands, path).map_err(|source| Error::Write { path: path.into(), source })
-}
-
-/// The file that `path` leads to: a symbolic link keeps its place. A device or a pipe is refused, as it would be replaced.
-fn target(path: &Path) -> std::io::Result<PathBuf> {
-    match path.metadata() {
-        Ok(data) if !data.is_file() => Err(std::io::Error::other("it is there already and no regular file")),
-        Ok(_) => path.canonicalize(),
-        Err(_) => Ok(path.to_owned()),
-    }
-}
-
-fn write_file(strands: &Strands, path: &Path) -> std::io::Result<()> {
-    let path = &target(path)?;
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".tress-").suffix(".hair");
-    // Temporary files are private by default; this one is to become an ordinary file, as the umask says.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.tempfile_in(folder)?;
-    {
-        let mut out = BufWriter::with_capacity(1 << 20, file.as_file_mut());
-        write_content(strands, &mut out)?;
-        out.flush()?;
-    }
-    file.as_file().sync_all()?;
-    file.persist(path).map_err(|e| e.error)?;
-    // The new name is only safe once the folder is; some file systems do not let a folder be flushed.
-    if let Ok(folder) = File::open(folder) {
-        let _ = folder.sync_all();
-    }
-    Ok(())
+    write_whole(path, |out| write_content(strands, out)).map_err(|source| Error::Write { path: path.into(), source })
 }
 
 /// The content of the file, for strands that were checked.

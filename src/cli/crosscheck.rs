@@ -1,0 +1,239 @@
+//! `tress crosscheck`: holds the projection of hair against rays through it, at points of the picture.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use super::check::notes;
+use super::render::window;
+use super::summary::grouped;
+use super::values::{self, Crop, Resolution};
+use super::{Failure, Overrides, Verbosity, exit, interrupt, load, log, progress::Reporter};
+use crate::file::write_whole;
+use crate::render::progress::Progress;
+use crate::scene::Scene;
+use crate::study::report::{Compared, Part, Site};
+use crate::study::statistics::{Estimate, Summary};
+use crate::study::{Report, Settings, Verdict, crosscheck, plot};
+
+/// Compare the two ways to find hair occlusion, igloo and rays, at points that a render of the scene shades
+///
+/// Sky visibility (the mean of hair occlusion over all directions) is found at each point by projection with the scene's settings and by many rays, in two halves so that their noise is known. It says by how much they differ, on hair and on surfaces, and by the distance of the hair. Exit status 5 means that the RMS difference, without the noise, exceeds the accuracy.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// The scene file (.toml or .json)
+    scene: PathBuf,
+    /// Points to compare at: half on hair, half on surfaces
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(16..=1_000_000))]
+    points: u32,
+    /// Rays a point; by the accuracy unless given: 10000 for 0.01
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=100_000_000))]
+    rays: Option<u32>,
+    /// RMS difference of sky visibility that is allowed, above 0 to 1; the scene's unless given
+    #[arg(long, value_name = "X", value_parser = values::accuracy, allow_negative_numbers = true)]
+    accuracy: Option<f64>,
+    /// Write the result with all points to this file as JSON; - is standard output, in place of the text
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Draw the points to this file (.svg): projection against rays, and their difference
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+    /// Size of the picture in pixels; the same as --set camera.resolution=
+    #[arg(long, value_name = "WxH", value_parser = values::resolution)]
+    resolution: Option<Resolution>,
+    /// Take points of these pixels only: columns x0 to before x1, rows y0 to before y1, from the top left
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = values::crop, allow_hyphen_values = true)]
+    crop: Option<Crop>,
+    /// The frame whose files are read, where names hold a run of #
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    frame: u32,
+    /// Number of threads; one a processor unless given. The result does not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    #[command(flatten)]
+    overrides: Overrides,
+    /// Seed of all random numbers, also of those that choose the points; the same as --set sampling.seed=
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    seed: Option<u32>,
+}
+
+pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Failure> {
+    let mut overrides = arguments.overrides.set.clone();
+    let size = |r: &Resolution| format!("camera.resolution=[{}, {}]", r.width, r.height);
+    overrides.extend(arguments.resolution.as_ref().map(size));
+    overrides.extend(arguments.seed.map(|seed| format!("sampling.seed={seed}")));
+    let document = load(&arguments.scene, &overrides, verbosity)?.at_frame(arguments.frame);
+    let settings = Settings {
+        points: arguments.points as usize,
+        rays: arguments.rays,
+        accuracy: arguments.accuracy,
+        window: window(arguments.crop, &document)?,
+        threads: arguments.threads.map(usize::from),
+    };
+    let json = arguments.json.as_deref().filter(|path| path.as_os_str() != "-");
+    for path in json.into_iter().chain(arguments.plot.as_deref()) {
+        values::folder_exists(path)?;
+    }
+    if let Some(path) = arguments.plot.as_deref().filter(|path| !is_svg(path)) {
+        let message = format!("{}: plots are drawn as SVG only; let the name end in .svg", path.display());
+        return Err(Failure::Usage(message));
+    }
+    interrupt::install().map_err(|e| Failure::Bug(format!("cannot catch Ctrl-C: {e}")))?;
+    let reporter = Reporter::new(verbosity);
+    reporter.stage("loading", 0);
+    let mut scene = Scene::load(document)?;
+    if !verbosity.quiet {
+        notes(&scene.notes);
+    }
+    let report = crosscheck(&mut scene, &settings, &reporter)?;
+    // Its bar goes before the result comes.
+    drop(reporter);
+    if arguments.json.is_some() && json.is_none() {
+        exit::print(json_of(&report)?.as_bytes())?;
+    } else if !verbosity.quiet {
+        exit::print((lines(&report, true).join("\n") + "\n").as_bytes())?;
+    }
+    if let Some(path) = json {
+        write(path, &json_of(&report)?)?;
+    }
+    match &arguments.plot {
+        Some(path) if report.points.is_empty() => {
+            log::say(&format!("note: {}: not written, there are no points to plot", path.display()));
+        }
+        Some(path) => write(path, &plot::svg(&report).map_err(|e| Failure::Bug(e.to_string()))?)?,
+        None => {}
+    }
+    verdict(&report)
+}
+
+fn is_svg(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("svg"))
+}
+
+fn json_of(report: &Report) -> Result<String, Failure> {
+    serde_json::to_string_pretty(report).map(|text| text + "\n").map_err(|e| Failure::Bug(e.to_string()))
+}
+
+fn write(path: &Path, text: &str) -> Result<(), Failure> {
+    write_whole(path, |out| out.write_all(text.as_bytes()))
+        .map_err(|e| Failure::Output(format!("{}: cannot write it: {e}", path.display())))
+}
+
+/// An error where the estimators differ by more than the accuracy.
+pub(super) fn verdict(report: &Report) -> Result<(), Failure> {
+    if report.verdict != Verdict::Exceeded {
+        return Ok(());
+    }
+    let beyond = |part: &&Part| part.summary.rms.low.is_some_and(|low| low > report.accuracy);
+    let fault = |(name, part): (&str, &Part)| {
+        let rms = &part.summary.rms;
+        format!("{:.4} {name} (at least {:.4})", rms.value, rms.low.unwrap_or_default())
+    };
+    let faults: Vec<String> = report.judged().filter(|(_, part)| beyond(part)).map(fault).collect();
+    Err(Failure::Disagreement(format!(
+        "{}: the two estimators of hair occlusion differ by more than the accuracy of {}: RMS {}\n\
+        raise occlusion.faces and lower occlusion.opening, or set occlusion.mode = \"raytraced\"",
+        report.scene,
+        report.accuracy,
+        faults.join(", ")
+    )))
+}
+
+/// The result in words and a table; with `details` also by distance of the hair.
+pub(super) fn lines(report: &Report, details: bool) -> Vec<String> {
+    if report.points.is_empty() {
+        let reason = if report.has_hair { "no hair and no surface is in the picture" } else { "the scene has no hair" };
+        return vec![format!("cross-check: {}: nothing to compare: {reason}", report.scene)];
+    }
+    let count = |part: &Option<Part>| grouped(part.as_ref().map_or(0, |part| part.summary.points as u64));
+    let mut lines = vec![
+        format!(
+            "cross-check: {}: {} of {} points on hair, {} of {} on surfaces, {} rays each",
+            report.scene,
+            count(&report.hair),
+            grouped(report.population.hair),
+            count(&report.surface),
+            grouped(report.population.surface),
+            grouped(u64::from(report.rays)),
+        ),
+        "sky visibility (0 to 1) by projection, less that by rays; RMS without the noise of the rays, with its 95 % interval:".to_owned(),
+        format!("  {:<22}{:>7}  {:<18}  {:<26}  {:<6}  {:>7}", "", "points", "mean", "RMS", "noise", "largest"),
+    ];
+    let rows = [("all", &report.all), ("hair", &report.hair), ("surfaces", &report.surface)];
+    for (name, part) in rows {
+        lines.extend(part.as_ref().map(|part| row(name, part)));
+    }
+    for (name, part) in [("hair", &report.hair), ("surfaces", &report.surface)] {
+        let Some(part) = part.as_ref().filter(|_| details) else { continue };
+        lines.push(format!("on {name}, by the mean distance of the hair that rays meet first, in scene units:"));
+        lines.extend(part.by_distance.iter().map(|bin| {
+            let name =
+                bin.distance.map_or("none met".to_owned(), |[from, to]| format!("{} to {}", short(from), short(to)));
+            row(&name, &bin.part)
+        }));
+    }
+    for part in [&report.hair, &report.surface].into_iter().flatten() {
+        lines.push(format!("largest {}", place(&part.largest)));
+    }
+    lines.push(match report.verdict {
+        Verdict::Held => format!("the accuracy of {} is held", report.accuracy),
+        Verdict::Exceeded => format!("the accuracy of {} is not held", report.accuracy),
+        Verdict::Undecided | Verdict::Nothing => format!(
+            "whether the accuracy of {} is held cannot be told from so few points: tress crosscheck with more --points narrows the interval",
+            report.accuracy
+        ),
+    });
+    lines
+}
+
+fn row(name: &str, part: &Part) -> String {
+    let Summary { points, mean, standard_error, rms, noise, .. } = &part.summary;
+    let error = standard_error.map_or(String::new(), |error| format!(" ± {error:.5}"));
+    let mean = format!("{:+.5}{error}", mean.value);
+    format!(
+        "  {name:<22}{:>7}  {mean:<18}  {:<26}  {noise:<6.4}  {:>+7.4}",
+        grouped(*points as u64),
+        interval(rms),
+        part.largest.difference
+    )
+}
+
+fn interval(estimate: &Estimate) -> String {
+    match (estimate.low, estimate.high) {
+        (Some(low), Some(high)) => format!("{:.5} ({low:.5} to {high:.5})", estimate.value),
+        _ => format!("{:.5}", estimate.value),
+    }
+}
+
+fn place(point: &Compared) -> String {
+    let [x, y] = point.pixel;
+    let site = match &point.site {
+        Site::Hair { object, strand, segment } => {
+            format!("on hair: pixel {x},{y}, {object}, strand {strand}, segment {segment}")
+        }
+        Site::Surface { triangle } => format!("on surfaces: pixel {x},{y}, triangle {triangle}"),
+    };
+    format!("{site}: projection {:.4}, rays {:.4}", point.projection, point.rays)
+}
+
+/// A length to three digits.
+fn short(length: f64) -> String {
+    if length == 0.0 || (1e-3..1e6).contains(&length) {
+        let digits = (2.0 - length.max(1e-3).log10().floor()).clamp(0.0, 5.0) as usize;
+        format!("{length:.digits$}")
+    } else {
+        format!("{length:.2e}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_are_short() {
+        assert_eq!(
+            [0.0, 0.012345, 1.5, 123.4, 99_999.0, 3e-7].map(short),
+            ["0.00000", "0.0123", "1.50", "123", "99999", "3.00e-7"]
+        );
+    }
+}
