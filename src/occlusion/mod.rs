@@ -9,13 +9,14 @@ mod lanes;
 pub mod layer;
 pub mod projection;
 pub mod raytraced;
+mod sobol;
 mod walk;
 
 use glam::{Mat3, Vec3};
 
 pub use clusters::{ClusterTree, Selection};
 pub use layer::Transmittance;
-pub use raytraced::HairRays;
+pub use raytraced::{Crossings, HairRays, RaySettings};
 
 use crate::hair::OnStrand;
 pub use crate::igloo::{Igloo, Span, frame_around};

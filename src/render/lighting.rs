@@ -13,10 +13,11 @@ use crate::hair::{OnStrand, StrandSample};
 use crate::hash::{hash, to_unit};
 use crate::illumination::{Environment, Illumination};
 use crate::occlusion::{
-    ClusterTree, HairRays, Igloo, Receiver, Selection, Span, Transmittance, clusters, frame_around, layer, raytraced,
+    ClusterTree, Crossings, HairRays, Igloo, RaySettings, Receiver, Selection, Span, Transmittance, clusters,
+    frame_around, layer, raytraced,
 };
 use crate::scene::Scene;
-use crate::scene::description::{Occlusion, OcclusionMode, TransmittanceRule};
+use crate::scene::description::{CrossingRule, Occlusion, OcclusionMode, TransmittanceRule};
 use crate::shading::{Highlight, KajiyaKay, Lambert};
 use crate::surface::SurfacePoint;
 
@@ -37,10 +38,7 @@ enum Estimator {
         tree: ClusterTree,
         selection: Selection,
     },
-    Raytraced {
-        rays: u32,
-        residual: f32,
-    },
+    Raytraced(RaySettings),
 }
 
 /// Light of a point, by layer.
@@ -249,11 +247,11 @@ impl<'s> Lighting<'s> {
                 tree.optical_depths(receiver, igloo, *selection, far, depth, &self.scene.hair, scratch);
                 layer::transmittances(depth);
             }
-            Estimator::Raytraced { rays, residual } => {
+            Estimator::Raytraced(settings) => {
                 space.gamma.resize(igloo.len(), 0.0);
                 if let Some(hair) = &self.hair_rays {
                     let (far, gamma) = (&space.far, &mut space.gamma);
-                    hair.transmittances(&self.scene.hair, receiver, igloo, *rays, *residual, far, key, gamma);
+                    hair.transmittances(&self.scene.hair, receiver, igloo, settings, far, key, gamma);
                 }
             }
         }
@@ -370,13 +368,21 @@ pub fn transmittance_rule(scene: &Scene) -> Transmittance {
     }
 }
 
+fn ray_settings(settings: &Occlusion) -> RaySettings {
+    let crossings = match settings.crossings {
+        CrossingRule::Multiply => Crossings::Multiply { residual: settings.residual as f32 },
+        CrossingRule::Stochastic => Crossings::Stochastic { roulette: settings.roulette as f32 },
+    };
+    RaySettings { crossings, ..RaySettings::fastest(settings.rays) }
+}
+
 fn estimator(scene: &Scene, settings: &Occlusion, rule: Transmittance) -> Estimator {
     if scene.hair.is_empty() {
         return Estimator::Free;
     }
     match settings.mode {
         OcclusionMode::None => Estimator::Free,
-        OcclusionMode::Raytraced => Estimator::Raytraced { rays: settings.rays, residual: settings.residual as f32 },
+        OcclusionMode::Raytraced => Estimator::Raytraced(ray_settings(settings)),
         OcclusionMode::Igloo => {
             let selection = match &settings.thinning {
                 Some(thinning) => Selection::Thinned {
