@@ -44,6 +44,7 @@ fn main() {
         let truth = traced(&rays, &model, &receivers, truth_rays);
         let bench = Bench { rays: &rays, model: &model, receivers: &receivers, igloo, far };
         println!("{place}: mean {:.4}", truth.iter().sum::<f64>() / truth.len() as f64);
+        bench.neighbours();
         bench.table(&truth);
     }
 }
@@ -94,6 +95,29 @@ impl Bench<'_> {
                 needed * times[1] * 1e-3,
                 took * f64::from(count) * 1e-3,
             );
+        }
+    }
+
+    /// Packets at their best: neighbouring directions a degree apart, one in each of 10,000 faces a hemisphere.
+    fn neighbours(&self) {
+        let igloo = igloo_for(&self.receivers[0], 10_000);
+        let far = vec![f32::INFINITY; igloo.len()];
+        let receivers = &self.receivers[..8];
+        let bench = Bench { rays: self.rays, model: self.model, receivers, igloo, far };
+        let count = bench.igloo.len() as u32;
+        for crossings in [Crossings::Multiply { residual: 0.0 }, RaySettings::fastest(1).crossings] {
+            let mut times = [const { Vec::new() }; 2];
+            for round in 0..3 {
+                for packets in [false, true] {
+                    let time = bench.microseconds(Variant::Settings(crossings), packets, count, round);
+                    times[usize::from(packets)].push(time);
+                }
+            }
+            let [alone, packets] = times.map(|mut times| {
+                times.sort_by(f64::total_cmp);
+                times[1]
+            });
+            println!("  a degree apart, {crossings:?}: µs a ray alone {alone:.3}, in packets {packets:.3}");
         }
     }
 

@@ -66,22 +66,22 @@ pub struct RaySettings {
     /// Rays a point, rounded up to whole rays a face.
     pub rays: u32,
     pub crossings: Crossings,
-    /// Trace packets of neighbouring rays; the result is the same to the bit.
+    /// Trace eight neighbouring rays together. The result is the same to the bit, and so is the time, measured to 3 %.
     pub packets: bool,
 }
 
 impl RaySettings {
-    /// The threshold of least time at a given error: half of the time of `Multiply`, at 3 % more noise.
+    /// The threshold of least time at a given error: half of the time of exact rays, at 3 % more noise.
     pub const ROULETTE: f32 = 0.25;
 
     /// The least time for a given error.
     pub fn fastest(rays: u32) -> Self {
-        Self { rays, crossings: Crossings::Stochastic { roulette: Self::ROULETTE }, packets: true }
+        Self { rays, crossings: Crossings::Stochastic { roulette: Self::ROULETTE }, packets: false }
     }
 
     /// Every crossing of every ray counts, with no random number but the rays' directions.
     pub fn exact(rays: u32) -> Self {
-        Self { rays, crossings: Crossings::Multiply { residual: 0.0 }, packets: true }
+        Self { rays, crossings: Crossings::Multiply { residual: 0.0 }, packets: false }
     }
 }
 

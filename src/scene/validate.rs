@@ -294,6 +294,8 @@ impl Validator<'_> {
         let path = KeyPath::root().key("occlusion");
         if occlusion.mode != OcclusionMode::Raytraced {
             self.no_effect(&path, &["rays", "crossings", "roulette"], "unless occlusion.mode is \"raytraced\"");
+        } else if occlusion.crossings != CrossingRule::Stochastic {
+            self.no_effect(&path, &["roulette"], "unless occlusion.crossings is \"stochastic\"");
         }
         if occlusion.mode != OcclusionMode::Igloo {
             self.no_effect(&path, &["thinning"], "unless occlusion.mode is \"igloo\"");
