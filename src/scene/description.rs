@@ -494,7 +494,7 @@ pub enum OcclusionMode {
 pub enum CrossingRule {
     /// What all let through is multiplied, until less than `residual` is left.
     Multiply,
-    /// Below the share `roulette` of its light a ray goes on by chance, so that the mean stays right: half of the time, a little more noise.
+    /// Below the share `roulette` of its light a ray goes on by chance, so that the mean stays right: little more than half of the time, a little more noise.
     #[default]
     Stochastic,
 }
