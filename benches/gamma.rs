@@ -102,7 +102,15 @@ fn main() {
                         .enumerate()
                         .map(|(k, r)| {
                             let mut g = vec![0.0; igloo.len()];
-                            rays.transmittances(&model, r, &igloo, n, 0.001, &far, 7 + k as u32, &mut g);
+                            rays.transmittances(
+                                &model,
+                                r,
+                                &igloo,
+                                &tress::occlusion::RaySettings::fastest(n),
+                                &far,
+                                7 + k as u32,
+                                &mut g,
+                            );
                             g.iter().map(|&v| f64::from(v)).sum::<f64>() / g.len() as f64
                         })
                         .collect();

@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::{ClusterTree, DepthMap, HairRays, Igloo, Receiver, Scratch, Span};
+use super::{ClusterTree, DepthMap, HairRays, Igloo, RaySettings, Receiver, Scratch, Span};
 use crate::hair::HairModel;
 
 /// How finely hair is projected.
@@ -81,9 +81,10 @@ impl Reference {
     /// By `rays` rays a point, with nothing behind the hair. Points that share `span`.
     pub fn trace(rays: &HairRays, model: &HairModel, receivers: &[Receiver], igloo: &Igloo, count: u32) -> Self {
         let far = vec![f32::INFINITY; igloo.len()];
+        let settings = RaySettings::fastest(count.div_ceil(2));
         let half = |key: u32, receiver: &Receiver| {
             let mut gamma = vec![0.0; igloo.len()];
-            rays.transmittances(model, receiver, igloo, count.div_ceil(2), 0.0, &far, key, &mut gamma);
+            rays.transmittances(model, receiver, igloo, &settings, &far, key, &mut gamma);
             mean(&gamma)
         };
         let halves: Vec<[f64; 2]> = receivers

@@ -14,6 +14,7 @@ mod query;
 pub mod raytraced;
 mod ribbon;
 pub mod segment;
+mod sobol;
 pub mod tangent;
 pub mod thinned;
 mod walk;
@@ -25,7 +26,7 @@ pub use clusters::ClusterTree;
 pub use depth_map::DepthMap;
 pub use layer::Transmittance;
 pub use query::{Instructions, Scratch};
-pub use raytraced::HairRays;
+pub use raytraced::{Crossings, HairRays, RaySettings};
 pub use thinned::{ThinnedSegments, Thinning};
 
 use crate::hair::OnStrand;

@@ -13,11 +13,11 @@ use crate::hair::{OnStrand, StrandSample};
 use crate::hash::{hash, to_unit};
 use crate::illumination::{Environment, Illumination};
 use crate::occlusion::{
-    ClusterTree, DepthMap, Fineness, HairRays, Igloo, Projection, Receiver, Scratch, Span, ThinnedSegments, Thinning,
-    Transmittance, frame_around, layer, projection, raytraced,
+    ClusterTree, Crossings, DepthMap, Fineness, HairRays, Igloo, Projection, RaySettings, Receiver, Scratch, Span,
+    ThinnedSegments, Thinning, Transmittance, frame_around, layer, projection, raytraced,
 };
 use crate::scene::Scene;
-use crate::scene::description::{Occlusion, OcclusionMode, ProjectionRule, TransmittanceRule};
+use crate::scene::description::{CrossingRule, Occlusion, OcclusionMode, ProjectionRule, TransmittanceRule};
 use crate::shading::{Highlight, KajiyaKay, Lambert};
 use crate::surface::SurfacePoint;
 
@@ -45,10 +45,7 @@ enum Estimator {
         thinning: Thinning,
         projection: Projection,
     },
-    Raytraced {
-        rays: u32,
-        residual: f32,
-    },
+    Raytraced(RaySettings),
 }
 
 /// Light of a point, by layer.
@@ -279,11 +276,11 @@ impl<'s> Lighting<'s> {
                 segments.optical_depths(receiver, igloo, thinning, *projection, far, depth, hair, pieces);
                 layer::transmittances(depth);
             }
-            Estimator::Raytraced { rays, residual } => {
+            Estimator::Raytraced(settings) => {
                 space.gamma.resize(igloo.len(), 0.0);
                 if let Some(hair) = &self.hair_rays {
                     let (far, gamma) = (&space.far, &mut space.gamma);
-                    hair.transmittances(&self.scene.hair, receiver, igloo, *rays, *residual, far, key, gamma);
+                    hair.transmittances(&self.scene.hair, receiver, igloo, settings, far, key, gamma);
                 }
             }
         }
@@ -421,13 +418,21 @@ pub fn transmittance_rule(scene: &Scene) -> Transmittance {
     }
 }
 
+fn ray_settings(settings: &Occlusion) -> RaySettings {
+    let crossings = match settings.crossings {
+        CrossingRule::Multiply => Crossings::Multiply { residual: settings.residual as f32 },
+        CrossingRule::Stochastic => Crossings::Stochastic { roulette: settings.roulette as f32 },
+    };
+    RaySettings { crossings, ..RaySettings::fastest(settings.rays) }
+}
+
 fn estimator(scene: &Scene, settings: &Occlusion, rule: Transmittance) -> Estimator {
     if scene.hair.is_empty() {
         return Estimator::Free;
     }
     match settings.mode {
         OcclusionMode::None => Estimator::Free,
-        OcclusionMode::Raytraced => Estimator::Raytraced { rays: settings.rays, residual: settings.residual as f32 },
+        OcclusionMode::Raytraced => Estimator::Raytraced(ray_settings(settings)),
         OcclusionMode::Igloo => projected(scene, settings, rule),
     }
 }

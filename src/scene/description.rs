@@ -450,7 +450,12 @@ pub struct Occlusion {
     /// For `raytraced`: rays a shading point, rounded up to whole rays a face.
     #[schemars(range(min = 1, max = 10000000))]
     pub rays: u32,
-    /// For `raytraced`: a ray ends when less than this share of its light is left.
+    /// For `raytraced`: what crossings do to a ray. Rays to point and directional lights always multiply.
+    pub crossings: CrossingRule,
+    /// For `stochastic` crossings: the share of its light below which a ray goes on by chance. 1: each crossing absorbs the whole ray or nothing.
+    #[schemars(range(min = 1e-4, max = 1.0))]
+    pub roulette: f64,
+    /// For crossings that multiply: a ray ends when less than this share of its light is left.
     #[schemars(range(min = 0.0, max = 0.5))]
     pub residual: f64,
 }
@@ -466,6 +471,8 @@ impl Default for Occlusion {
             unit_length: 1.0,
             thinning: None,
             rays: 200,
+            crossings: CrossingRule::Stochastic,
+            roulette: 0.25,
             residual: 1e-3,
         }
     }
@@ -493,6 +500,17 @@ pub enum ProjectionRule {
     Sphere,
     /// The paper's appendix A.2, for comparison: every segment by itself, on the plane tangent to the hemisphere's top. What crosses the horizon is lost.
     TangentPlane,
+}
+
+/// When a ray ends in the hair.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum CrossingRule {
+    /// What all let through is multiplied, until less than `residual` is left.
+    Multiply,
+    /// Below the share `roulette` of its light a ray goes on by chance, so that the mean stays right: little more than half of the time, a little more noise.
+    #[default]
+    Stochastic,
 }
 
 /// What one crossing of a strand lets through.

@@ -293,7 +293,9 @@ impl Validator<'_> {
         let occlusion = &self.description.occlusion;
         let path = KeyPath::root().key("occlusion");
         if occlusion.mode != OcclusionMode::Raytraced {
-            self.no_effect(&path, &["rays", "residual"], "unless occlusion.mode is \"raytraced\"");
+            self.no_effect(&path, &["rays", "crossings", "roulette"], "unless occlusion.mode is \"raytraced\"");
+        } else if occlusion.crossings != CrossingRule::Stochastic {
+            self.no_effect(&path, &["roulette"], "unless occlusion.crossings is \"stochastic\"");
         }
         if occlusion.mode != OcclusionMode::Igloo {
             self.no_effect(&path, &["thinning", "projection"], "unless occlusion.mode is \"igloo\"");

@@ -14,7 +14,7 @@ use crate::effects::Effects;
 use crate::fragment::PixelRect;
 use crate::hash::{hash, to_unit};
 use crate::occlusion::raytraced::Ray;
-use crate::occlusion::{HairRays, Igloo, Receiver};
+use crate::occlusion::{HairRays, Igloo, RaySettings, Receiver};
 use crate::render::progress::Progress;
 use crate::render::{Around, Lighting, Place, RenderError, ShadingPoint, Workspace, draw, with_threads};
 use crate::scene::Scene;
@@ -144,7 +144,15 @@ impl Bench<'_> {
                 return None;
             }
             let (count, key) = (rays.div_ceil(batches), hash(&[key, batch]));
-            self.hair.transmittances(model, receiver, around.igloo, count, 0.0, around.far, key, &mut gamma);
+            self.hair.transmittances(
+                model,
+                receiver,
+                around.igloo,
+                &RaySettings::exact(count),
+                around.far,
+                key,
+                &mut gamma,
+            );
             sum += mean(&gamma);
         }
         Some(sum / f64::from(batches))

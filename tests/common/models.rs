@@ -9,8 +9,8 @@ use tress::hair::formats::{Options, read};
 use tress::hair::{Attribute, HairModel, Strands};
 use tress::hash::unit;
 use tress::occlusion::{
-    ClusterTree, DepthMap, Fineness, HairRays, Igloo, Projection, Receiver, Scratch, Span, ThinnedSegments, Thinning,
-    Transmittance, frame_around, layer,
+    ClusterTree, DepthMap, Fineness, HairRays, Igloo, Projection, RaySettings, Receiver, Scratch, Span,
+    ThinnedSegments, Thinning, Transmittance, frame_around, layer,
 };
 use tress::scene::description::HairFormat;
 
@@ -284,7 +284,7 @@ pub fn traced(rays: &HairRays, model: &HairModel, receivers: &[Receiver], count:
     let far = vec![f32::INFINITY; igloo.len()];
     let value = |(key, receiver): (usize, &Receiver)| {
         let mut gamma = vec![0.0; igloo.len()];
-        rays.transmittances(model, receiver, &igloo, count, 0.0, &far, key as u32, &mut gamma);
+        rays.transmittances(model, receiver, &igloo, &RaySettings::exact(count), &far, key as u32, &mut gamma);
         mean(&gamma)
     };
     receivers.par_iter().enumerate().map(value).collect()
