@@ -134,7 +134,7 @@ fn main() {
                 };
                 for target in targets.to_str().unwrap().split(',').map(|t| t.parse::<f64>().unwrap()) {
                     let s = std::time::Instant::now();
-                    let found = tress::occlusion::calibrate(&tree, &rays, &model, &apart, &igloo, target);
+                    let found = calibrated(&tree, &rays, &model, &apart, &igloo, target);
                     let took = s.elapsed().as_secs_f64();
                     let map = found.fineness.map(&igloo);
                     let value = values(&tree, &model, &receivers, &map, igloo.len(), found.fineness.angle(&map));

@@ -32,6 +32,8 @@ pub struct Effects {
     pub projected_occlusion: bool,
     /// Γ by rays.
     pub raytraced_occlusion: bool,
+    /// Settings of Γ are found on the scene, for its accuracy.
+    pub calibration: bool,
     /// Rays through hair for anything: a curve BVH.
     pub hair_rays: bool,
     /// Hair has a highlight.
@@ -52,7 +54,9 @@ impl Effects {
         let reflection = surfaces && (environment || area_lights || direct_lights) && scene.surfaces.reflects();
         let incident = environment || area_lights || reflection;
         let mode = description.occlusion.mode;
-        let raytraced_occlusion = hair && incident && mode == OcclusionMode::Raytraced;
+        let occluded = hair && incident && mode != OcclusionMode::None;
+        let raytraced_occlusion = occluded && mode != OcclusionMode::Igloo;
+        let calibration = occluded && description.occlusion.wants_calibration();
         Self {
             hair,
             surfaces,
@@ -60,9 +64,11 @@ impl Effects {
             area_lights,
             direct_lights,
             reflection,
-            projected_occlusion: hair && incident && mode == OcclusionMode::Igloo,
+            projected_occlusion: occluded && mode != OcclusionMode::Raytraced,
             raytraced_occlusion,
-            hair_rays: hair && (raytraced_occlusion || direct_lights || reflection && mode != OcclusionMode::None),
+            calibration,
+            hair_rays: hair
+                && (raytraced_occlusion || calibration || direct_lights || reflection && mode != OcclusionMode::None),
             highlight: hair && scene.hair_objects.iter().any(|object| object.specular != glam::Vec3::ZERO),
             unoccluded_layer: description.output.layers.contains(&Layer::EnvironmentUnoccluded),
         }
@@ -95,19 +101,25 @@ impl Effects {
             say(
                 "hair occlusion by projection",
                 self.projected_occlusion,
-                "occlusion.mode is igloo and light arrives from all around",
+                "occlusion.mode is igloo or auto and light arrives from all around",
                 "no hair, no light from around, or another occlusion.mode",
             ),
             say(
                 "hair occlusion by rays",
                 self.raytraced_occlusion,
-                "occlusion.mode is raytraced and light arrives from all around",
+                "occlusion.mode is raytraced or auto and light arrives from all around",
                 "no hair, no light from around, or another occlusion.mode",
+            ),
+            say(
+                "settings by accuracy",
+                self.calibration,
+                "occlusion.accuracy decides how finely hair occlusion is found",
+                "no hair occlusion, or occlusion.opening, thinning, projection or rays says how finely",
             ),
             say(
                 "rays through hair",
                 self.hair_rays,
-                "lights, reflecting surfaces or ray-traced occlusion need them",
+                "lights, reflecting surfaces, ray-traced occlusion or its accuracy need them",
                 "nothing needs them",
             ),
             say("highlight", self.highlight, "hair has a specular colour", "no hair has a specular colour"),

@@ -50,7 +50,7 @@ fn check_lists_every_fault() {
             "error: scene.toml:1:1: unknown key \"fov\" at the top level; did you mean camera.fov?",
             "error: scene.toml:3:7: camera.fov is 500, outside 0.01 to 179 degrees (Vertical field of view)",
             "error: scene.toml:5:1: unknown key \"widht\" in hair[0]; did you mean \"width\"?",
-            "error: --set occlusion.mode=raytrace: occlusion.mode is \"raytrace\"; did you mean \"raytraced\"? known: igloo, raytraced, none",
+            "error: --set occlusion.mode=raytrace: occlusion.mode is \"raytrace\"; did you mean \"raytraced\"? known: igloo, raytraced, auto, none",
         ]
     );
 }
@@ -186,7 +186,7 @@ fn a_wrong_command_line_is_exit_code_2() {
         (&["render", "scene.toml", "-o", "a.exr", "--frames", "0-9"], "####"),
         (&["render", "scene.toml", "-o", "a.exr", "--frames", "-9"], "no run of frames"),
         (&["render", "scene.toml", "-o", "a.exr", "--crop", "-9,0,1,1"], "x0,y0,x1,y1"),
-        (&["render", "scene.toml", "-o", "a.exr", "--occlusion", "x"], "[possible values: igloo, raytraced, none]"),
+        (&["render", "scene.toml", "-o", "a.exr", "--occlusion", "x"], "[possible values: igloo, raytraced, auto, none]"),
         (&["render", "scene.toml", "-o", "a.exr", "--threads", "0"], "threads"),
         (&["render", "scene.toml", "-o", "a.exr", "--set", "nothing"], "key.path=value"),
         (&["render", "scene.toml", "-o", "a.exr", "--seed", "-1"], "--seed"),

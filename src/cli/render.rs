@@ -58,7 +58,7 @@ pub(crate) struct Arguments {
 const CROSSCHECK_POINTS: usize = 64;
 
 /// The words of `occlusion.mode`.
-const MODES: [&str; 3] = ["igloo", "raytraced", "none"];
+const MODES: [&str; 4] = ["igloo", "raytraced", "auto", "none"];
 
 /// All that is asked of one run of the renderer.
 #[derive(Clone, Debug)]

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::render::Statistics;
+use crate::render::{Settled, Statistics};
 
 /// What was done, what it took, and where it went: a line each. With `effects`, also which effects the scene called for.
 pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf], effects: bool) -> Vec<String> {
@@ -12,6 +12,7 @@ pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf], effects: bool)
         let state = |on| if on { "on " } else { "off" };
         lines.extend(s.effects.iter().map(|e| format!("effect {}: {}: {}", state(e.on), e.name, e.reason)));
     }
+    lines.extend(s.occlusion.iter().flat_map(occlusion));
     lines.extend([
         format!(
             "shaded {} points on hair and {} on surfaces, from {} fragments of {} segments; {} triangles",
@@ -46,6 +47,26 @@ pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf], effects: bool)
             .extend(s.non_finite_examples.iter().map(|n| format!("  pixel {},{}: {}", n.pixel[0], n.pixel[1], n.what)));
     }
     lines.extend(outputs.iter().map(|path| format!("wrote {}", path.display())));
+    lines
+}
+
+/// How hair occlusion was found.
+fn occlusion(settled: &Settled) -> Vec<String> {
+    let mut lines = vec![format!("hair occlusion: {}: {}", settled.estimator, settled.reason)];
+    for (place, found) in [("hair", settled.hair), ("surfaces", settled.surface)] {
+        let Some(found) = found else { continue };
+        lines.push(match found.projection.filter(|_| settled.estimator == "igloo") {
+            Some(found) if found.reached => format!(
+                "  on {place}: {0}x{0} cells, opening {1}; RMS error of sky visibility {2:.4}, asked for {3}",
+                found.side, found.opening, found.error, settled.accuracy
+            ),
+            Some(found) => format!(
+                "  warning: on {place}: the accuracy of {} is not reached; the finest settings have an RMS error of {:.4}; use --occlusion raytraced",
+                settled.accuracy, found.error
+            ),
+            None => format!("  on {place}: {} rays a point", grouped(found.rays.into())),
+        });
+    }
     lines
 }
 

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::{ClusterTree, DepthMap, HairRays, Igloo, RaySettings, Receiver, Scratch, Span};
 use crate::hair::HairModel;
+use crate::hash::hash;
 
 /// How finely hair is projected.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,75 +53,106 @@ impl Fineness {
     }
 }
 
+/// A point at which settings are judged.
+#[derive(Clone, Debug)]
+pub struct Site {
+    pub receiver: Receiver,
+    /// Distance of the first opaque surface in each face; none where there are no surfaces.
+    pub far: Option<Vec<f32>>,
+}
+
+impl From<Receiver> for Site {
+    /// With nothing behind the hair.
+    fn from(receiver: Receiver) -> Self {
+        Self { receiver, far: None }
+    }
+}
+
+/// Sky visibility by rays at some points of one kind, from two independent halves of the rays.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    /// The mean of both halves, a point.
+    pub visibility: Vec<f64>,
+    /// Mean square of the noise in `visibility`.
+    pub noise2: f64,
+    /// Rays a point, both halves together.
+    pub rays: u32,
+    /// Crossings that such a ray meets, in the mean.
+    pub crossings: f64,
+}
+
+/// Purpose of the random numbers of a reference.
+const REFERENCE: u32 = 0x4341_4C49;
+
+impl Reference {
+    /// By enough rays to judge an accuracy: noise of half of it where Γ is as rough as it gets (deviation 1/4 a ray).
+    pub fn for_accuracy(rays: &HairRays, model: &HairModel, sites: &[Site], igloo: &Igloo, accuracy: f64) -> Self {
+        let count = 2.0 * (0.25 / accuracy).powi(2).clamp(128.0, 8192.0);
+        Self::trace(rays, model, sites, igloo, count as u32)
+    }
+
+    /// By `count` rays a point, rounded up to whole rays a face in each half.
+    pub fn trace(rays: &HairRays, model: &HairModel, sites: &[Site], igloo: &Igloo, count: u32) -> Self {
+        let open = vec![f32::INFINITY; igloo.len()];
+        let per_half = count.div_ceil(2).next_multiple_of(igloo.len() as u32);
+        let settings = RaySettings::fastest(per_half);
+        let value = |(index, site): (usize, &Site)| {
+            let far = site.far.as_deref().unwrap_or(&open);
+            let mut gamma = vec![0.0; igloo.len()];
+            let halves = [0, 1].map(|half| {
+                let key = hash(&[REFERENCE, index as u32, half]);
+                rays.transmittances(model, &site.receiver, igloo, &settings, far, key, &mut gamma);
+                mean(&gamma)
+            });
+            (halves, rays.crossings_met(model, &site.receiver, igloo, far))
+        };
+        let values: Vec<([f64; 2], f64)> = sites.par_iter().enumerate().map(value).collect();
+        let n = sites.len().max(1) as f64;
+        Self {
+            visibility: values.iter().map(|([a, b], _)| 0.5 * (a + b)).collect(),
+            noise2: values.iter().map(|([a, b], _)| 0.25 * (a - b).powi(2)).sum::<f64>() / n,
+            rays: 2 * per_half,
+            crossings: values.iter().map(|(_, crossings)| crossings).sum::<f64>() / n,
+        }
+    }
+
+    /// Rays a point whose root mean square error is this accuracy.
+    pub fn rays_for(&self, accuracy: f64) -> u32 {
+        (f64::from(self.rays) * self.noise2 / accuracy.powi(2)).ceil().clamp(1.0, 1e7) as u32
+    }
+}
+
 /// What a calibration found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Calibration {
     pub fineness: Fineness,
     /// Root mean square error of sky visibility at the points, the noise of the reference taken away.
     pub error: f64,
-    /// Whether that is within the accuracy asked for.
+    /// Whether that is within the accuracy asked for, with a margin for the choice of points.
     pub reached: bool,
-    /// Rays a point that have this accuracy, by the noise of the reference.
-    pub rays: u32,
     /// Work of a query, in lanes of kernels.
     pub work: f64,
 }
 
-/// Sky visibility by rays at some points, from two independent halves of the rays.
-#[derive(Clone, Debug)]
-pub struct Reference {
-    /// The mean of both halves.
-    pub visibility: Vec<f64>,
-    /// Mean square of the noise in `visibility`.
-    pub noise2: f64,
-    /// Rays a point, both halves together.
-    pub rays: u32,
-}
-
-impl Reference {
-    /// By `rays` rays a point, with nothing behind the hair. Points that share `span`.
-    pub fn trace(rays: &HairRays, model: &HairModel, receivers: &[Receiver], igloo: &Igloo, count: u32) -> Self {
-        let far = vec![f32::INFINITY; igloo.len()];
-        let settings = RaySettings::fastest(count.div_ceil(2));
-        let half = |key: u32, receiver: &Receiver| {
-            let mut gamma = vec![0.0; igloo.len()];
-            rays.transmittances(model, receiver, igloo, &settings, &far, key, &mut gamma);
-            mean(&gamma)
-        };
-        let halves: Vec<[f64; 2]> = receivers
-            .par_iter()
-            .enumerate()
-            .map(|(i, receiver)| [0, 1].map(|k| half(0x4341_4C49 ^ (2 * i as u32 + k), receiver)))
-            .collect();
-        let noise2 = halves.iter().map(|[a, b]| 0.25 * (a - b).powi(2)).sum::<f64>() / halves.len().max(1) as f64;
-        Self { visibility: halves.iter().map(|[a, b]| 0.5 * (a + b)).collect(), noise2, rays: count }
-    }
-}
-
-/// Rays a point of a reference that judges an accuracy: noise of half of it where Γ is as rough as it gets (deviation 1/4 a ray).
-fn reference_rays(accuracy: f64) -> u32 {
-    (0.25 / accuracy).powi(2).clamp(128.0, 8192.0) as u32 * 2
-}
-
-/// Finds the cheapest settings whose error at the given points is within `accuracy`.
+/// Finds the cheapest settings whose error at the reference's points is within `accuracy`.
 ///
-/// `igloo` is that of the points, which are at least one. What it finds depends on its arguments alone, not on threads or time.
+/// There is at least one point, all of the igloo's kind. What it finds depends on its arguments alone, not on threads or time.
 pub fn calibrate(
     tree: &ClusterTree,
-    rays: &HairRays,
     model: &HairModel,
-    receivers: &[Receiver],
+    sites: &[Site],
     igloo: &Igloo,
+    reference: &Reference,
     accuracy: f64,
 ) -> Calibration {
-    let reference = Reference::trace(rays, model, receivers, igloo, reference_rays(accuracy));
     let openings = if igloo.span() == Span::Sphere { SPHERE_OPENINGS } else { HEMISPHERE_OPENINGS };
     let mut best: Option<Calibration> = None;
     for side in SIDES {
         let map = DepthMap::new(igloo, side);
         for opening in openings {
             let fineness = Fineness { side, opening };
-            let found = judge(tree, model, receivers, igloo, &map, fineness, &reference, accuracy);
+            let (error, work) = judge(tree, model, sites, igloo, &map, fineness, reference);
+            let found = Calibration { fineness, error, reached: error <= MARGIN * accuracy, work };
             let better = |than: &Calibration| match (found.reached, than.reached) {
                 (true, true) => found.work < than.work,
                 (false, false) => found.error < than.error,
@@ -130,7 +162,7 @@ pub fn calibrate(
                 best = Some(found);
             }
         }
-        // Finer maps cost more: two more sides after the first that is enough, whose larger lumps may be cheaper yet.
+        // Finer maps cost more; only the next one's larger lumps may be cheaper yet.
         if best.as_ref().is_some_and(|best| best.reached && side > best.fineness.side) {
             break;
         }
@@ -138,34 +170,28 @@ pub fn calibrate(
     best.expect("there are settings to try")
 }
 
-#[expect(clippy::too_many_arguments, reason = "one measurement in full")]
+/// Root mean square error at the points, without the reference's noise, and work of a query.
 fn judge(
     tree: &ClusterTree,
     model: &HairModel,
-    receivers: &[Receiver],
+    sites: &[Site],
     igloo: &Igloo,
     map: &DepthMap,
     fineness: Fineness,
     reference: &Reference,
-    accuracy: f64,
-) -> Calibration {
-    let value = |(scratch, gamma): &mut (Scratch, Vec<f32>), receiver: &Receiver| {
+) -> (f64, f64) {
+    let value = |(scratch, gamma): &mut (Scratch, Vec<f32>), site: &Site| {
         gamma.resize(igloo.len(), 0.0);
         let before = scratch.work;
-        tree.transmittances(model, receiver, map, fineness.angle(map), None, gamma, scratch);
+        let (receiver, far) = (&site.receiver, site.far.as_deref());
+        tree.transmittances(model, receiver, map, fineness.angle(map), far, gamma, scratch);
         (mean(gamma), scratch.work - before)
     };
-    let values: Vec<(f64, u64)> = receivers.par_iter().map_init(|| (Scratch::default(), Vec::new()), value).collect();
-    let n = values.len() as f64;
+    let values: Vec<(f64, u64)> = sites.par_iter().map_init(|| (Scratch::default(), Vec::new()), value).collect();
+    let n = values.len().max(1) as f64;
     let square = values.iter().zip(&reference.visibility).map(|((value, _), truth)| (value - truth).powi(2));
     let error = (square.sum::<f64>() / n - reference.noise2).max(0.0).sqrt();
-    Calibration {
-        fineness,
-        error,
-        reached: error <= MARGIN * accuracy,
-        rays: (f64::from(reference.rays) * reference.noise2 / accuracy.powi(2)).ceil().max(1.0) as u32,
-        work: values.iter().map(|(_, work)| *work as f64).sum::<f64>() / n,
-    }
+    (error, values.iter().map(|(_, work)| *work as f64).sum::<f64>() / n)
 }
 
 fn mean(values: &[f32]) -> f64 {

@@ -10,7 +10,7 @@
 
 use glam::Vec3;
 
-use super::lanes::exponentials;
+use super::lanes::{LANES, Lanes, exponentials};
 use crate::igloo::{Igloo, Span};
 
 /// Points along a cell's side at which its solid angle and its faces are looked up.
@@ -48,6 +48,14 @@ pub struct DepthMap {
     cells: Vec<(u32, f32)>,
     /// Mean width of a cell, in radians.
     cell_width: f32,
+    middles: Vec<Middles>,
+}
+
+/// Sixteen cells: directions of their middles in the igloo's frame, and their widths in radians; 0 in the border and beyond the last cell.
+#[derive(Clone, Debug)]
+pub struct Middles {
+    pub direction: [Lanes; 3],
+    pub width: Lanes,
 }
 
 impl DepthMap {
@@ -64,8 +72,10 @@ impl DepthMap {
             first: Vec::new(),
             cells: Vec::new(),
             cell_width: solid_angle.sqrt() / side as f32,
+            middles: Vec::new(),
         };
         map.share_faces(igloo);
+        map.face_cells();
         map
     }
 
@@ -106,6 +116,26 @@ impl DepthMap {
             self.cells.extend(list.iter().map(|&(cell, share)| (cell, share / sum)));
         }
         self.first.push(self.cells.len() as u32);
+    }
+
+    /// Where each cell lies.
+    fn face_cells(&mut self) {
+        let inside = |cell: usize| self.weight.get(cell).is_some_and(|&weight| weight > 0.0);
+        let toward = |cell: usize| {
+            let (row, column) = (cell / self.stride(), cell % self.stride());
+            if inside(cell) { direction(self.span, self.side, column - 1, row - 1, 0.5, 0.5).0 } else { Vec3::ZERO }
+        };
+        let width = |cell: usize| if inside(cell) { 1.0 / self.weight[cell].sqrt() } else { 0.0 };
+        let middles = |chunk: usize| Middles {
+            direction: [0, 1, 2].map(|axis| std::array::from_fn(|lane| toward(chunk * LANES + lane)[axis])),
+            width: std::array::from_fn(|lane| width(chunk * LANES + lane)),
+        };
+        self.middles = (0..self.len().div_ceil(LANES)).map(middles).collect();
+    }
+
+    /// All cells, sixteen at a time, by index in the buffer.
+    pub fn middles(&self) -> &[Middles] {
+        &self.middles
     }
 
     /// The cell of a unit direction in the igloo's frame; the nearest one below a hemisphere's horizon.

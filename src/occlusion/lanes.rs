@@ -117,6 +117,12 @@ impl View {
         self.crossing * apparent_width
     }
 
+    /// A vector in the igloo's axes.
+    #[inline(always)]
+    pub fn to_igloo(&self, v: Vec3) -> Vec3 {
+        Vec3::from_array(self.axes.map(|axis| axis[0] * v.x + axis[1] * v.y + axis[2] * v.z))
+    }
+
     /// Points of the square of directions of any length in render space's axes, in cells from the border's outer edge.
     ///
     /// Below a hemisphere's horizon they lie outside the square, and maybe outside the border.

@@ -11,6 +11,7 @@ mod lanes;
 pub mod layer;
 pub mod projection;
 mod query;
+mod raster;
 pub mod raytraced;
 mod ribbon;
 pub mod segment;
@@ -21,7 +22,7 @@ mod walk;
 
 use glam::{Mat3, Vec3};
 
-pub use accuracy::{Calibration, Fineness, calibrate};
+pub use accuracy::{Calibration, Fineness, Reference, Site, calibrate};
 pub use clusters::ClusterTree;
 pub use depth_map::DepthMap;
 pub use layer::Transmittance;

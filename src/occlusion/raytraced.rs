@@ -197,6 +197,24 @@ impl HairRays {
         nearest
     }
 
+    /// How many crossings a ray meets before it ends, in the mean over one ray a face with roulette's threshold: what its time goes with.
+    pub fn crossings_met(&self, model: &HairModel, receiver: &Receiver, igloo: &Igloo, far: &[f32]) -> f64 {
+        let excluded = self.exclusion(model, receiver.on);
+        // The threshold times the mean of the numbers that decide.
+        let limit = limit(0.5 * f64::from(RaySettings::ROULETTE));
+        let mut met = 0_u64;
+        for (face, &far) in far.iter().enumerate().take(igloo.len()) {
+            let direction = receiver.frame * igloo.direction(face, 0.5, 0.5);
+            let mut depth = 0;
+            self.scene.crossings(receiver.position, direction, 0.0, far, |crossing| {
+                met += 1;
+                depth += if excluded.holds(&crossing) { 0 } else { self.depth(crossing.segment) };
+                if depth > limit { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            });
+        }
+        met as f64 / igloo.len() as f64
+    }
+
     /// Γ̄ of each face from at least `settings.rays` rays over the whole igloo, the same number in each face, evenly spread inside it.
     ///
     /// `far[face]` is the distance of the first opaque surface in the face; `key` names the random numbers.

@@ -14,6 +14,7 @@ use super::depth_map::Corners;
 use super::lanes::{LANES, View, add, saturation};
 use super::layer::optical_depth;
 use super::query::Scratch;
+use super::raster;
 use crate::igloo::arctangent_unit;
 
 /// Lumps along a ribbon, at most: half a turn in lumps a quarter of a degree long.
@@ -21,6 +22,9 @@ const MOST_LUMPS: f32 = 720.0;
 
 /// Samples of a wide ribbon along a cell's width.
 const SAMPLES: f32 = 2.0;
+
+/// Samples for each cell of the map from which on all cells are looked at instead.
+const RASTER: f32 = 0.1;
 
 /// Optical depth at which nothing gets through.
 const OPAQUE: f32 = 100.0;
@@ -110,6 +114,12 @@ fn part(ribbon: &Ribbon, view: &View, map: &DepthMap, far: Option<&[f32]>, scrat
     let apparent = 2.0 * half_angle(0.5 * width / h) * (ribbon.h2 / distance2).sqrt();
     let count = |angle: f32, most: f32| (SAMPLES * angle / map.cell_width()).ceil().clamp(1.0, most) as u32;
     let counts = [count(end - start, MOST_LUMPS), count(apparent, MOST_SLICES)];
+    if (counts[0] * counts[1]) as f32 > RASTER * map.len() as f32 {
+        let Ribbon { from, to, width, taper, opacity, .. } = *ribbon;
+        let [foot, axis] = [ribbon.foot, ribbon.axis].map(|v| view.to_igloo(v));
+        let near = raster::Near { foot, axis, from, to, width, taper, opacity };
+        return raster::cover(&near, map, far, &mut scratch.depth);
+    }
     across(ribbon, view, [start, end], counts, map, far, scratch);
 }
 

@@ -13,12 +13,14 @@ use super::lighting::{Lighting, on_hair, on_surface};
 use super::pipeline::tiles;
 use super::progress::Progress;
 use super::tile::{Frame, TileSpace, What};
-use crate::fragment::PixelRect;
+use crate::fragment::{Bins, PixelRect, TileGrid};
 use crate::hash::hash64;
 use crate::occlusion::Receiver;
 
 /// Purpose of the random numbers that choose points.
 const DRAW: u32 = 0x4452_4157;
+/// Purpose of those that choose tiles.
+const TILES: u32 = 0x5449_4C45;
 
 /// What a shading point lies on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -63,18 +65,44 @@ pub fn draw(
     let frame = Frame::new(lighting);
     let full = PixelRect::image(frame.scene.camera.resolution());
     let (grid, bins) = tiles(&frame, window.unwrap_or(full))?;
-    progress.stage("drawing points", grid.count() as u64);
+    let all: Vec<usize> = (0..grid.count()).collect();
+    draw_from(&frame, &grid, &bins, &all, count, progress)
+}
+
+/// Tiles chosen evenly by a hash, at most `count`: three in four of them where there is hair.
+pub(super) fn some_tiles(frame: &Frame<'_>, grid: &TileGrid, bins: &Bins, count: usize) -> Vec<usize> {
+    let (mut hair, mut bare): (Vec<usize>, Vec<usize>) =
+        (0..grid.count()).partition(|&index| !bins.tile(index).is_empty());
+    let rank = |index: &usize| (hash64(&[TILES, frame.seed, *index as u32]), *index);
+    hair.sort_unstable_by_key(rank);
+    bare.sort_unstable_by_key(rank);
+    bare.truncate((count / 4).max(count.saturating_sub(hair.len())));
+    hair.truncate(count - bare.len());
+    hair.extend(bare);
+    hair
+}
+
+/// As [`draw`], from some tiles of a picture.
+pub(super) fn draw_from(
+    frame: &Frame<'_>,
+    grid: &TileGrid,
+    bins: &Bins,
+    chosen: &[usize],
+    count: usize,
+    progress: &dyn Progress,
+) -> Result<Drawn, RenderError> {
+    progress.stage("drawing points", chosen.len() as u64);
     let empty = || [Lowest::new(count), Lowest::new(count)];
     // Which points have the least hash does not depend on the order in which threads come together.
-    let [hair, surface] = (0..grid.count())
-        .into_par_iter()
+    let [hair, surface] = chosen
+        .par_iter()
         .try_fold(
             || (empty(), TileSpace::default()),
-            |(mut lowest, mut space), index| {
+            |(mut lowest, mut space), &index| {
                 if progress.cancelled() {
                     return Err(RenderError::Cancelled);
                 }
-                offer(&frame, &grid.tile(index), bins.tile(index), &mut space, &mut lowest);
+                offer(frame, &grid.tile(index), bins.tile(index), &mut space, &mut lowest);
                 progress.advance(1);
                 Ok((lowest, space))
             },

@@ -7,17 +7,14 @@ use std::time::{Duration, Instant};
 use glam::{Mat3, Vec3};
 
 use super::RenderError;
+use super::estimator::{self, Estimator};
 use crate::effects::Effects;
 use crate::embree::Device;
 use crate::hair::{OnStrand, StrandSample};
 use crate::hash::{hash, to_unit};
 use crate::illumination::{Environment, Illumination};
-use crate::occlusion::{
-    ClusterTree, Crossings, DepthMap, Fineness, HairRays, Igloo, Projection, RaySettings, Receiver, Scratch, Span,
-    ThinnedSegments, Thinning, Transmittance, frame_around, layer, projection, raytraced,
-};
+use crate::occlusion::{HairRays, Igloo, Receiver, Span, frame_around, raytraced};
 use crate::scene::Scene;
-use crate::scene::description::{CrossingRule, Occlusion, OcclusionMode, ProjectionRule, TransmittanceRule};
 use crate::shading::{Highlight, KajiyaKay, Lambert};
 use crate::surface::SurfacePoint;
 
@@ -28,25 +25,6 @@ const MET: u32 = 0x4D45_5421;
 
 /// What a face must pass on of a radiance of 1 for its surface to be lit: the faces left out add up to less than half a per cent.
 const WORTH_A_LOOK: f32 = 2e-5;
-
-/// How Γ is found.
-#[derive(Debug)]
-enum Estimator {
-    /// Hair blocks nothing.
-    Free,
-    Projected {
-        tree: ClusterTree,
-        sphere: (DepthMap, f32),
-        hemisphere: (DepthMap, f32),
-    },
-    /// The paper's own: segment by segment.
-    Segments {
-        segments: ThinnedSegments,
-        thinning: Thinning,
-        projection: Projection,
-    },
-    Raytraced(RaySettings),
-}
 
 /// Light of a point, by layer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -110,8 +88,7 @@ pub struct Workspace {
     means: Vec<Vec3>,
     /// The normal around which `means` was computed.
     means_normal: Vec3,
-    clusters: Scratch,
-    pieces: Vec<projection::Piece>,
+    estimator: estimator::Space,
     pub clock: Clock,
 }
 
@@ -126,9 +103,8 @@ impl<'s> Lighting<'s> {
         let surfaces = effects.surfaces.then(|| surfaces.into_traceable(&device)).transpose()?;
         let scene = &*scene;
         let settings = &scene.description().occlusion;
-        let rule = transmittance_rule(scene);
-        let hair_rays = effects.hair_rays.then(|| HairRays::build(&device, &scene.hair, rule)).transpose()?;
-        let faces = settings.faces;
+        let hair_rays = effects.hair_rays.then(|| estimator::hair_rays(&device, scene)).transpose()?;
+        let faces = settings.face_count();
         let environment = Environment::new(scene.radiance.clone(), scene.to_map, faces);
         let light = Illumination::new(environment, scene.direct.clone(), scene.area.clone(), surfaces, faces);
         let sphere = Igloo::new(Span::Sphere, faces);
@@ -146,7 +122,7 @@ impl<'s> Lighting<'s> {
         Ok(Self {
             effects,
             light,
-            estimator: estimator(scene, settings, rule),
+            estimator: Estimator::build(scene, &sphere, &hemisphere),
             hair_rays,
             residual: settings.residual as f32,
             area_samples: (scene.description().sampling.area_light_samples as f32).sqrt().ceil() as u32,
@@ -226,6 +202,43 @@ impl<'s> Lighting<'s> {
         Around { igloo, far: &space.far, gamma: &space.gamma }
     }
 
+    /// The first surface in each face around a receiver as the shading of a point finds it, and the igloo.
+    pub(super) fn surroundings<'a>(
+        &'a self,
+        receiver: &Receiver,
+        key: u32,
+        space: &'a mut Workspace,
+    ) -> (&'a Igloo, &'a [f32]) {
+        let igloo = if receiver.on.is_some() { &self.sphere } else { &self.hemisphere };
+        self.look(receiver, igloo, key, space);
+        (igloo, &space.far)
+    }
+
+    /// The estimator of Γ.
+    pub(super) fn estimator(&self) -> &Estimator {
+        &self.estimator
+    }
+
+    /// Takes the estimator out; hair then blocks nothing.
+    pub(super) fn take_estimator(&mut self) -> Estimator {
+        std::mem::replace(&mut self.estimator, Estimator::Free)
+    }
+
+    /// Takes another estimator of Γ.
+    pub(super) fn set_estimator(&mut self, estimator: Estimator) {
+        self.estimator = estimator;
+    }
+
+    /// The igloos of hair and of surfaces.
+    pub(super) fn igloos(&self) -> [&Igloo; 2] {
+        [&self.sphere, &self.hemisphere]
+    }
+
+    /// The effects that it was built for.
+    pub(super) fn effects(&self) -> Effects {
+        self.effects
+    }
+
     /// What rays through hair need; none where the effects do not call for it.
     pub fn hair_rays(&self) -> Option<&HairRays> {
         self.hair_rays.as_ref()
@@ -259,31 +272,9 @@ impl<'s> Lighting<'s> {
     /// Γ̄ of each face.
     fn occlude(&self, receiver: &Receiver, igloo: &Igloo, key: u32, space: &mut Workspace) {
         let begin = Instant::now();
-        space.gamma.clear();
-        match &self.estimator {
-            Estimator::Free => space.gamma.resize(igloo.len(), 1.0),
-            Estimator::Projected { tree, sphere, hemisphere } => {
-                space.gamma.resize(igloo.len(), 0.0);
-                let (map, opening) = if igloo.span() == Span::Sphere { sphere } else { hemisphere };
-                let far = self.effects.surfaces.then_some(&space.far[..]);
-                let (gamma, scratch) = (&mut space.gamma, &mut space.clusters);
-                tree.transmittances(&self.scene.hair, receiver, map, *opening, far, gamma, scratch);
-            }
-            Estimator::Segments { segments, thinning, projection } => {
-                space.gamma.resize(igloo.len(), 0.0);
-                let (far, depth, pieces) = (&space.far, &mut space.gamma, &mut space.pieces);
-                let hair = &self.scene.hair;
-                segments.optical_depths(receiver, igloo, thinning, *projection, far, depth, hair, pieces);
-                layer::transmittances(depth);
-            }
-            Estimator::Raytraced(settings) => {
-                space.gamma.resize(igloo.len(), 0.0);
-                if let Some(hair) = &self.hair_rays {
-                    let (far, gamma) = (&space.far, &mut space.gamma);
-                    hair.transmittances(&self.scene.hair, receiver, igloo, settings, far, key, gamma);
-                }
-            }
-        }
+        let Workspace { far, gamma, estimator, .. } = space;
+        let (hair, rays, open) = (&self.scene.hair, self.hair_rays.as_ref(), !self.effects.surfaces);
+        self.estimator.transmittances(hair, rays, receiver, igloo, far, open, key, gamma, estimator);
         space.clock.gamma += begin.elapsed();
     }
 
@@ -405,58 +396,4 @@ pub fn on_hair(sample: &StrandSample) -> Receiver {
 /// The receiver of a point on a surface.
 pub fn on_surface(point: &SurfacePoint) -> Receiver {
     Receiver { position: point.leaving(), on: None, frame: frame_around(point.normal) }
-}
-
-/// The scene's rule of transmittance, its lengths in render space.
-pub fn transmittance_rule(scene: &Scene) -> Transmittance {
-    let settings = &scene.description().occlusion;
-    match settings.transmittance {
-        TransmittanceRule::Crossing => Transmittance::Crossing,
-        TransmittanceRule::SegmentLength => {
-            Transmittance::SegmentLength { unit: scene.space.length(settings.unit_length) as f32 }
-        }
-    }
-}
-
-fn ray_settings(settings: &Occlusion) -> RaySettings {
-    let crossings = match settings.crossings {
-        CrossingRule::Multiply => Crossings::Multiply { residual: settings.residual as f32 },
-        CrossingRule::Stochastic => Crossings::Stochastic { roulette: settings.roulette as f32 },
-    };
-    RaySettings { crossings, ..RaySettings::fastest(settings.rays) }
-}
-
-fn estimator(scene: &Scene, settings: &Occlusion, rule: Transmittance) -> Estimator {
-    if scene.hair.is_empty() {
-        return Estimator::Free;
-    }
-    match settings.mode {
-        OcclusionMode::None => Estimator::Free,
-        OcclusionMode::Raytraced => Estimator::Raytraced(ray_settings(settings)),
-        OcclusionMode::Igloo => projected(scene, settings, rule),
-    }
-}
-
-fn projected(scene: &Scene, settings: &Occlusion, rule: Transmittance) -> Estimator {
-    let projection = match settings.projection {
-        ProjectionRule::Sphere => Projection::Sphere,
-        ProjectionRule::TangentPlane => Projection::TangentPlane,
-    };
-    let thinning = settings.thinning.as_ref().map(|thinning| Thinning {
-        fraction: thinning.fraction as f32,
-        distance_unit: thinning.distance_unit.map_or(f32::INFINITY, |d| scene.space.length(d) as f32),
-    });
-    if thinning.is_some() || projection == Projection::TangentPlane {
-        let segments = ThinnedSegments::build(&scene.hair, rule);
-        return Estimator::Segments { segments, thinning: thinning.unwrap_or(Thinning::NONE), projection };
-    }
-    let sides = |span| {
-        let igloo = Igloo::new(span, settings.faces);
-        let fineness = Fineness::for_faces(span, settings.faces, Some(settings.opening as f32));
-        let map = fineness.map(&igloo);
-        let opening = fineness.angle(&map);
-        (map, opening)
-    };
-    let [sphere, hemisphere] = [Span::Sphere, Span::Hemisphere].map(sides);
-    Estimator::Projected { tree: ClusterTree::build(&scene.hair, rule), sphere, hemisphere }
 }

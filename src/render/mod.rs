@@ -1,6 +1,8 @@
 //! The renderer: brings fragments, Γ, Λ and F together into a picture.
 
+mod calibration;
 mod draw;
+mod estimator;
 pub mod film;
 mod lighting;
 pub mod output;
@@ -9,6 +11,7 @@ pub mod progress;
 pub mod statistics;
 mod tile;
 
+pub use calibration::{Found, Settled, settle};
 pub use draw::{Drawn, Place, ShadingPoint, draw};
 pub use film::Film;
 pub use lighting::{Around, Lighting, Workspace};

@@ -5,6 +5,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 use thiserror::Error;
 
+use super::calibration::settle;
 use super::film::Film;
 use super::lighting::{Clock, Lighting};
 use super::progress::Progress;
@@ -88,19 +89,28 @@ fn render_here(
         effects: effects.list(),
         ..Statistics::default()
     };
-    let lighting = Lighting::new(scene, effects)?;
+    let mut lighting = Lighting::new(scene, effects)?;
+    statistics.stage("building", begin.elapsed());
+    let begin = Instant::now();
+    statistics.occlusion = settle(&mut lighting, progress)?;
+    if effects.calibration {
+        statistics.stage("calibrating", begin.elapsed());
+    }
+    let begin = Instant::now();
     let scene = lighting.scene();
     let frame = Frame::new(&lighting);
     let full_size = scene.camera.resolution();
     let window = options.window.unwrap_or(PixelRect::image(full_size));
     let (grid, bins) = tiles(&frame, window)?;
-    statistics.stage("building", begin.elapsed());
+    statistics.stage("binning", begin.elapsed());
 
     let begin = Instant::now();
     progress.stage("rendering", grid.count() as u64);
     let mut film = Film::new(window, full_size);
     let tiles: Vec<_> = (0..grid.count())
         .into_par_iter()
+        // Tiles differ in time by orders of magnitude: each is a job of its own.
+        .with_max_len(1)
         .map_init(TileSpace::default, |space, index| {
             let tile = frame.render(&grid.tile(index), bins.tile(index), space, progress);
             progress.advance(1);

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
+use super::calibration::Settled;
 use crate::effects::Effect;
 
 /// A value that was not finite, and where.
@@ -50,6 +51,9 @@ pub struct Statistics {
     /// The first few of them.
     pub non_finite_examples: Vec<NonFinite>,
     pub effects: Vec<Effect>,
+    /// How hair occlusion was found, where its accuracy decided.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub occlusion: Option<Settled>,
     /// Mean of the picture, linear Rec.709.
     pub mean: [f32; 3],
 }

@@ -4,8 +4,9 @@ use std::time::{Duration, Instant};
 
 use glam::Vec3;
 
+use super::estimator::transmittance_rule;
 use super::film::{EMPTY_DEPTH, Pixel};
-use super::lighting::{Lighting, Lit, Workspace, transmittance_rule};
+use super::lighting::{Lighting, Lit, Workspace};
 use super::progress::Progress;
 use super::statistics::NonFinite;
 use crate::camera::Camera;

@@ -432,12 +432,15 @@ pub struct RectLight {
 pub struct Occlusion {
     /// The estimator.
     pub mode: OcclusionMode,
-    /// Faces of equal area on one hemisphere of the igloo; hair uses two hemispheres.
+    /// How accurate hair occlusion is to be: root mean square error of sky visibility (0 to 1) over the points that are shaded. The fineness of the projection, or the number of rays, that reaches it is found on the scene itself, unless `opening` or `rays` say it.
+    #[schemars(range(min = 1e-4, max = 0.5))]
+    pub accuracy: f64,
+    /// Faces of equal area on one hemisphere of the igloo, for all light from around; hair uses two hemispheres. By the accuracy unless given: 64 for 0.01.
     #[schemars(range(min = 1, max = 100000))]
-    pub faces: u32,
-    /// For the igloo: hair whose radius is below this many face widths is projected as one lump; 0 projects every segment by itself. Without effect where that is done anyway: with `thinning`, or on the tangent plane.
+    pub faces: Option<u32>,
+    /// For the igloo, in place of the accuracy: hair whose extent is below this many widths of a face is projected as one lump, on a map of two cells a face (on surfaces four); 0 projects every segment by itself, on whole faces. Without effect where that is done anyway: with `thinning`, on the tangent plane, or where transmittance is by `segment-length`.
     #[schemars(range(min = 0.0, max = 10.0))]
-    pub opening: f64,
+    pub opening: Option<f64>,
     /// For the igloo: how a segment by itself is projected.
     pub projection: ProjectionRule,
     /// What one crossing of a strand lets through.
@@ -447,9 +450,9 @@ pub struct Occlusion {
     pub unit_length: f64,
     /// For the igloo: use only a part of the hair, segment by segment, and scale it up (the paper's section 5). Layers then cover whole faces. Unless given, all hair is used.
     pub thinning: Option<Thinning>,
-    /// For `raytraced`: rays a shading point, rounded up to whole rays a face.
+    /// For `raytraced`, in place of the accuracy: rays a shading point, rounded up to whole rays a face.
     #[schemars(range(min = 1, max = 10000000))]
-    pub rays: u32,
+    pub rays: Option<u32>,
     /// For `raytraced`: what crossings do to a ray. Rays to point and directional lights always multiply.
     pub crossings: CrossingRule,
     /// For `stochastic` crossings: the share of its light below which a ray goes on by chance. 1: each crossing absorbs the whole ray or nothing.
@@ -464,17 +467,43 @@ impl Default for Occlusion {
     fn default() -> Self {
         Self {
             mode: OcclusionMode::Igloo,
-            faces: 100,
-            opening: 0.7,
+            accuracy: 0.01,
+            faces: None,
+            opening: None,
             projection: ProjectionRule::Sphere,
             transmittance: TransmittanceRule::Crossing,
             unit_length: 1.0,
             thinning: None,
-            rays: 200,
+            rays: None,
             crossings: CrossingRule::Stochastic,
             roulette: 0.25,
             residual: 1e-3,
         }
+    }
+}
+
+impl Occlusion {
+    /// Whether hair is projected segment by segment: where that is asked for, and where a crossing depends on the length that a face sees.
+    pub fn by_segments(&self) -> bool {
+        self.thinning.is_some()
+            || self.projection == ProjectionRule::TangentPlane
+            || self.transmittance == TransmittanceRule::SegmentLength
+            || self.opening == Some(0.0) && self.mode == OcclusionMode::Igloo
+    }
+
+    /// Whether settings are to be found on the scene itself, for its accuracy.
+    pub fn wants_calibration(&self) -> bool {
+        match self.mode {
+            OcclusionMode::None => false,
+            OcclusionMode::Igloo => self.opening.is_none() && !self.by_segments(),
+            OcclusionMode::Raytraced => self.rays.is_none(),
+            OcclusionMode::Auto => true,
+        }
+    }
+
+    /// Faces a hemisphere: as given, else by the accuracy.
+    pub fn face_count(&self) -> u32 {
+        self.faces.unwrap_or((0.64 / self.accuracy).round().clamp(36.0, 400.0) as u32)
     }
 }
 
@@ -487,6 +516,8 @@ pub enum OcclusionMode {
     Igloo,
     /// Rays through the hair.
     Raytraced,
+    /// That of the two that is expected to take less time for the accuracy.
+    Auto,
     /// Hair blocks nothing of the environment's light: Γ is 1.
     None,
 }

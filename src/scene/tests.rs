@@ -146,11 +146,11 @@ fn schema_faults_are_named_with_line_and_column() {
         ),
         (
             "occlusion.mode = \"raytracd\"",
-            "scene.toml:1:18: occlusion.mode is \"raytracd\"; did you mean \"raytraced\"? known: igloo, raytraced, none",
+            "scene.toml:1:18: occlusion.mode is \"raytracd\"; did you mean \"raytraced\"? known: igloo, raytraced, auto, none",
         ),
         (
             "occlusion.mode = 3",
-            "scene.toml:1:18: occlusion.mode: expected one of igloo, raytraced, none, found the number 3",
+            "scene.toml:1:18: occlusion.mode: expected one of igloo, raytraced, auto, none, found the number 3",
         ),
         ("occlusion.faces = 1.5", "scene.toml:1:19: occlusion.faces: expected a whole number, found the number 1.5"),
         ("camera.background = 1", "scene.toml:1:21: camera.background: expected true or false, found the number 1"),
@@ -413,7 +413,7 @@ fn faulty_overrides_name_themselves() {
         ("=3", "--set =3: \"\" is not a key path such as hair[0].width: a key is missing"),
         (
             "occlusion.mode=raytrace",
-            "--set occlusion.mode=raytrace: occlusion.mode is \"raytrace\"; did you mean \"raytraced\"? known: igloo, raytraced, none",
+            "--set occlusion.mode=raytrace: occlusion.mode is \"raytrace\"; did you mean \"raytraced\"? known: igloo, raytraced, auto, none",
         ),
         ("camera.up=[0,0,0]", "--set camera.up=[0,0,0]: camera.up has length zero; give a direction such as [0, 1, 0]"),
         (

@@ -292,16 +292,25 @@ impl Validator<'_> {
     fn occlusion(&mut self) {
         let occlusion = &self.description.occlusion;
         let path = KeyPath::root().key("occlusion");
-        if occlusion.mode != OcclusionMode::Raytraced {
+        let (igloo, raytraced) = match occlusion.mode {
+            OcclusionMode::Igloo => (true, false),
+            OcclusionMode::Raytraced => (false, true),
+            OcclusionMode::Auto => (true, true),
+            OcclusionMode::None => (false, false),
+        };
+        if !raytraced {
             self.no_effect(&path, &["rays", "crossings", "roulette"], "unless occlusion.mode is \"raytraced\"");
         } else if occlusion.crossings != CrossingRule::Stochastic {
             self.no_effect(&path, &["roulette"], "unless occlusion.crossings is \"stochastic\"");
         }
-        if occlusion.mode != OcclusionMode::Igloo {
+        if occlusion.mode == OcclusionMode::Auto {
+            self.no_effect(&path, &["rays", "opening"], "where occlusion.mode is \"auto\": the accuracy decides");
+        }
+        if !igloo {
             self.no_effect(&path, &["thinning", "projection"], "unless occlusion.mode is \"igloo\"");
-        } else if occlusion.opening > 0.0 && occlusion.thinning.is_some() {
+        } else if occlusion.opening.is_some() && occlusion.thinning.is_some() {
             self.no_effect(&path, &["opening"], "beside occlusion.thinning: every segment is projected by itself");
-        } else if occlusion.opening > 0.0 && occlusion.projection == ProjectionRule::TangentPlane {
+        } else if occlusion.opening.is_some() && occlusion.projection == ProjectionRule::TangentPlane {
             self.no_effect(&path, &["opening"], "on the tangent plane: every segment is projected by itself");
         }
         if occlusion.transmittance != TransmittanceRule::SegmentLength {

@@ -16,7 +16,7 @@ use crate::hash::{hash, to_unit};
 use crate::occlusion::raytraced::Ray;
 use crate::occlusion::{HairRays, Igloo, RaySettings, Receiver};
 use crate::render::progress::Progress;
-use crate::render::{Around, Lighting, Place, RenderError, ShadingPoint, Workspace, draw, with_threads};
+use crate::render::{Around, Lighting, Place, RenderError, ShadingPoint, Workspace, draw, settle, with_threads};
 use crate::scene::Scene;
 use crate::scene::description::OcclusionMode;
 
@@ -45,11 +45,6 @@ pub struct Settings {
     pub threads: Option<usize>,
 }
 
-/// The accuracy that a scene promises: the RMS error of sky visibility.
-pub fn stated_accuracy(_scene: &Scene) -> f64 {
-    0.01
-}
-
 /// Rays for a standard error of half the accuracy where Γ varies most, a variance of 1/4 a ray: strata and calmer places bring the usual
 /// standard error well below that, and what noise is left is measured and taken out of the RMS.
 fn enough_rays(accuracy: f64) -> u32 {
@@ -61,7 +56,7 @@ fn enough_rays(accuracy: f64) -> u32 {
 /// # Errors
 /// As [`crate::render::render`].
 pub fn crosscheck(scene: &mut Scene, settings: &Settings, progress: &dyn Progress) -> Result<Report, RenderError> {
-    let accuracy = settings.accuracy.unwrap_or_else(|| stated_accuracy(scene));
+    let accuracy = settings.accuracy.unwrap_or(scene.description().occlusion.accuracy);
     let rays = settings.rays.unwrap_or_else(|| enough_rays(accuracy));
     let seed = scene.description().sampling.seed;
     let mut report = Report::new(scene.document.path.display().to_string(), accuracy, seed, rays);
@@ -85,7 +80,8 @@ fn compare(
 ) -> Result<(Population, Vec<Compared>), RenderError> {
     progress.stage("building", 0);
     let effects = Effects { hair_rays: true, ..Effects::of(scene) };
-    let lighting = Lighting::new(scene, effects)?;
+    let mut lighting = Lighting::new(scene, effects)?;
+    settle(&mut lighting, progress)?;
     let drawn = draw(&lighting, settings.window, settings.points, progress)?;
     progress.stage("comparing", drawn.points.len() as u64);
     let Some(hair) = lighting.hair_rays() else { return Ok((Population::default(), Vec::new())) };

@@ -9,8 +9,8 @@ use tress::hair::formats::{Options, read};
 use tress::hair::{Attribute, HairModel, Strands};
 use tress::hash::unit;
 use tress::occlusion::{
-    ClusterTree, DepthMap, Fineness, HairRays, Igloo, Projection, RaySettings, Receiver, Scratch, Span,
-    ThinnedSegments, Thinning, Transmittance, frame_around, layer,
+    Calibration, ClusterTree, DepthMap, Fineness, HairRays, Igloo, Projection, RaySettings, Receiver, Reference,
+    Scratch, Site, Span, ThinnedSegments, Thinning, Transmittance, calibrate, frame_around, layer,
 };
 use tress::scene::description::HairFormat;
 
@@ -270,6 +270,20 @@ impl<'a> Projector<'a> {
         let value = |scratch: &mut Scratch, receiver: &Receiver| mean(&self.faces(receiver, None, scratch));
         receivers.par_iter().map_init(Scratch::default, value).collect()
     }
+}
+
+/// The settings that a calibration at some points finds, with nothing behind the hair.
+pub fn calibrated(
+    tree: &ClusterTree,
+    rays: &HairRays,
+    model: &HairModel,
+    receivers: &[Receiver],
+    igloo: &Igloo,
+    accuracy: f64,
+) -> Calibration {
+    let sites: Vec<Site> = receivers.iter().copied().map(Site::from).collect();
+    let reference = Reference::for_accuracy(rays, model, &sites, igloo, accuracy);
+    calibrate(tree, model, &sites, igloo, &reference, accuracy)
 }
 
 /// Γ̄ over the igloo by projection, with nothing behind the hair.
