@@ -186,7 +186,10 @@ fn a_wrong_command_line_is_exit_code_2() {
         (&["render", "scene.toml", "-o", "a.exr", "--frames", "0-9"], "####"),
         (&["render", "scene.toml", "-o", "a.exr", "--frames", "-9"], "no run of frames"),
         (&["render", "scene.toml", "-o", "a.exr", "--crop", "-9,0,1,1"], "x0,y0,x1,y1"),
-        (&["render", "scene.toml", "-o", "a.exr", "--occlusion", "x"], "[possible values: igloo, raytraced, auto, none]"),
+        (
+            &["render", "scene.toml", "-o", "a.exr", "--occlusion", "x"],
+            "[possible values: igloo, raytraced, auto, none]",
+        ),
         (&["render", "scene.toml", "-o", "a.exr", "--threads", "0"], "threads"),
         (&["render", "scene.toml", "-o", "a.exr", "--set", "nothing"], "key.path=value"),
         (&["render", "scene.toml", "-o", "a.exr", "--seed", "-1"], "--seed"),

@@ -120,7 +120,8 @@ fn an_accuracy_out_of_reach_is_exit_code_5() {
     let (code, out, err) = tress(folder.path(), &arguments);
     assert_eq!(code, Some(5), "{out}{err}");
     assert!(out.contains("the accuracy of 0.000001 is not held"), "{out}");
-    let fault = "error: scene.toml: the two estimators of hair occlusion differ by more than the accuracy of 0.000001: RMS 0.0";
+    let fault =
+        "error: scene.toml: the two estimators of hair occlusion differ by more than the accuracy of 0.000001: RMS 0.0";
     assert!(err.contains(fault) && err.contains("on hair (at least"), "{err}");
     let report = json(&std::fs::read_to_string(folder.path().join("a.json")).expect("a report"));
     assert_eq!(report["verdict"], "exceeded");

@@ -115,9 +115,17 @@ color = [1, 1, 1]
 
 #[test]
 fn the_picture_does_not_depend_on_threads_or_crop() {
-    for mode in ["igloo", "raytraced", "none"] {
+    let by_hand = ["occlusion.faces=40", "occlusion.rays=80"];
+    let by_accuracy = ["occlusion.accuracy=0.02"];
+    for (mode, more) in [
+        ("igloo", &by_hand[..1]),
+        ("raytraced", &by_hand),
+        ("none", &by_hand[..1]),
+        ("raytraced", &by_accuracy),
+        ("auto", &by_accuracy),
+    ] {
         let mode = format!("occlusion.mode={mode}");
-        let settings = [mode.as_str(), "occlusion.faces=40", "occlusion.rays=80"];
+        let settings = [&[mode.as_str()], more].concat();
         let render = |window, threads| film(EVERYTHING, &settings, Options { window, threads: Some(threads) }).0;
         let one = render(None, 1);
         assert_eq!(one, render(None, 2), "{mode}: two threads");
@@ -135,8 +143,34 @@ fn the_picture_does_not_depend_on_threads_or_crop() {
 }
 
 #[test]
+fn the_accuracy_decides_how_finely_and_auto_by_what() {
+    let settled = |settings: &[&str]| {
+        let small = ["camera.resolution=[32, 28]", "sampling.layers=1"];
+        whole(EVERYTHING, &[&small[..], settings].concat()).1.occlusion
+    };
+    let igloo = |accuracy: &str| settled(&[accuracy]).expect("settings found");
+    let (coarse, fine) = (igloo("occlusion.accuracy=0.03"), igloo("occlusion.accuracy=0.006"));
+    for (coarse, fine) in [(coarse.hair, fine.hair), (coarse.surface, fine.surface)] {
+        let [coarse, fine] = [coarse, fine].map(|found| found.expect("points of both kinds"));
+        let [a, b] = [coarse, fine].map(|found| found.projection.expect("a projection"));
+        assert!(a.reached && a.error <= 0.03 && b.error <= 0.006 || !b.reached, "{coarse:?}, {fine:?}");
+        assert!(b.work > a.work && fine.rays > coarse.rays, "{coarse:?}, {fine:?}");
+    }
+    // What is said by hand is not looked for.
+    assert_eq!(settled(&["occlusion.opening=1"]), None);
+    assert_eq!(settled(&["occlusion.mode=raytraced", "occlusion.rays=50"]), None);
+    assert_eq!(settled(&["occlusion.thinning.fraction=0.5"]), None);
+    let traced = settled(&["occlusion.mode=raytraced"]).expect("rays found");
+    assert!(traced.estimator == "raytraced" && traced.hair.is_some_and(|found| found.projection.is_none()));
+    let auto = settled(&["occlusion.mode=auto", "occlusion.accuracy=0.01"]).expect("a choice");
+    assert!(auto.estimator == "igloo" && auto.reason.contains("times as fast as tracing rays"), "{auto:?}");
+    let lengths = ["occlusion.mode=auto", "occlusion.transmittance=segment-length"];
+    assert_eq!(settled(&lengths).map(|settled| settled.estimator), Some("raytraced"));
+}
+
+#[test]
 fn both_estimators_make_the_same_picture() {
-    let settings = |mode: &'static str| [mode, "occlusion.faces=200", "occlusion.rays=400"];
+    let settings = |mode: &'static str| [mode, "occlusion.faces=200", "occlusion.accuracy=0.005"];
     let (igloo, statistics) = whole(EVERYTHING, &settings("occlusion.mode=igloo"));
     let (rays, _) = whole(EVERYTHING, &settings("occlusion.mode=raytraced"));
     let (none, _) = whole(EVERYTHING, &settings("occlusion.mode=none"));

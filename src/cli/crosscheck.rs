@@ -131,7 +131,7 @@ pub(super) fn verdict(report: &Report) -> Result<(), Failure> {
     let faults: Vec<String> = report.judged().filter(|(_, part)| beyond(part)).map(fault).collect();
     Err(Failure::Disagreement(format!(
         "{}: the two estimators of hair occlusion differ by more than the accuracy of {}: RMS {}\n\
-        raise occlusion.faces and lower occlusion.opening, or set occlusion.mode = \"raytraced\"",
+        ask for a finer occlusion.accuracy in place of occlusion.opening, or set occlusion.mode = \"raytraced\"",
         report.scene,
         report.accuracy,
         faults.join(", ")

@@ -25,8 +25,8 @@ const SIDES: [u32; 14] = [8, 10, 12, 14, 16, 18, 20, 24, 28, 32, 40, 48, 56, 64]
 
 /// Openings that are tried, on the sphere around hair and on a surface's hemisphere. Outlines against the sky want larger lumps: there
 /// the light lost at the outline is more.
-const SPHERE_OPENINGS: [f32; 5] = [1.0, 1.15, 1.3, 1.45, 1.6];
-const HEMISPHERE_OPENINGS: [f32; 5] = [1.3, 1.5, 1.75, 2.0, 2.3];
+const SPHERE_OPENINGS: [f32; 7] = [1.0, 1.15, 1.3, 1.45, 1.6, 1.8, 2.0];
+const HEMISPHERE_OPENINGS: [f32; 6] = [1.3, 1.5, 1.75, 2.0, 2.3, 2.6];
 
 /// What is kept of the accuracy asked for against the chance in the points of a calibration.
 const MARGIN: f64 = 0.85;
@@ -145,11 +145,11 @@ pub fn calibrate(
     reference: &Reference,
     accuracy: f64,
 ) -> Calibration {
-    let openings = if igloo.span() == Span::Sphere { SPHERE_OPENINGS } else { HEMISPHERE_OPENINGS };
+    let openings = if igloo.span() == Span::Sphere { &SPHERE_OPENINGS[..] } else { &HEMISPHERE_OPENINGS[..] };
     let mut best: Option<Calibration> = None;
     for side in SIDES {
         let map = DepthMap::new(igloo, side);
-        for opening in openings {
+        for &opening in openings {
             let fineness = Fineness { side, opening };
             let (error, work) = judge(tree, model, sites, igloo, &map, fineness, reference);
             let found = Calibration { fineness, error, reached: error <= MARGIN * accuracy, work };

@@ -152,6 +152,9 @@ fn metadata(scene: &Scene, statistics: &Statistics) -> Vec<(String, MetaValue)> 
         ("worldToCamera".to_owned(), MetaValue::Matrix(row_vectors(&to_camera))),
         ("worldToNDC".to_owned(), MetaValue::Matrix(row_vectors(&to_screen))),
     ];
+    if let Some(settled) = &statistics.occlusion {
+        metadata.push(("tress:occlusionFound".to_owned(), json(serde_json::to_string(settled))));
+    }
     if !description.output.reproducible {
         metadata.push(("tress:renderSeconds".to_owned(), MetaValue::Float(statistics.seconds() as f32)));
     }
