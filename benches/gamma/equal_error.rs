@@ -18,6 +18,7 @@ const SPARSER: usize = 16;
 pub fn print(bench: &Bench, wanted: &dyn Fn(u32) -> bool) {
     let mut table = crate::table("Against rays: 50,000 strands of 20 segments");
     for (row, place) in [1, 2].into_iter().zip(PLACES) {
+        // Row 3 is of the query of row 1.
         if wanted(row) || (row == 1 && wanted(3)) {
             against_rays(bench, place, row, wanted, &mut table);
         }

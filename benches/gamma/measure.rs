@@ -139,9 +139,9 @@ impl<'a> Traced<'a> {
 
     /// The smallest number of rays a point whose error is within `accuracy`, and that error.
     pub fn fewest(&self, receivers: &[Receiver], truth: &[f64], accuracy: f64) -> (u32, f64) {
-        // The error falls at least with the root: the answer is below what that says, and the search goes up from well below.
+        // The error falls faster than with the root of the number: the search goes up from well below what that says.
         let guess = 2.0 * (self.error(receivers, truth, 2) / accuracy).powi(2);
-        let mut per_face = ((0.5 * guess) as u32).max(1);
+        let mut per_face = ((0.3 * guess) as u32).max(1);
         loop {
             let error = self.error(receivers, truth, per_face);
             if error <= accuracy {
