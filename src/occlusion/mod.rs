@@ -16,6 +16,8 @@ mod ribbon;
 pub mod segment;
 mod sobol;
 pub mod tangent;
+#[cfg(test)]
+mod testing;
 pub mod thinned;
 mod walk;
 

@@ -279,3 +279,6 @@ fn half_angle(x: f32) -> f32 {
         PI / 2.0
     }
 }
+
+#[cfg(test)]
+mod tests;
