@@ -111,10 +111,10 @@ fn lumps_of_nodes_have_the_solid_angle_of_their_hair_times_opacity() {
             let view = View::new(&receiver, &map, opening);
             for node in tree.levels.iter().flatten() {
                 let (splat, distance2, division) = super::node(&view, node);
-                for lane in 0..LANES {
+                for (lane, amount) in splat.amount.iter().enumerate() {
                     let d = center(node, lane) - position.as_dvec3();
                     let mass = f64::from(node.mass[lane]);
-                    let got: f64 = splat.amount[lane].iter().map(|&x| f64::from(x)).sum();
+                    let got: f64 = amount.iter().map(|&x| f64::from(x)).sum();
                     if mass == 0.0 {
                         // A lane that holds nothing is one lump of nothing.
                         assert_eq!((got, division.one >> lane & 1), (0.0, 1));
@@ -226,8 +226,8 @@ fn lumps_of_segments_sum_to_the_solid_angle_of_the_ribbon() {
                 for i in 0..lumps {
                     let share = 1.0 / lumps as f32;
                     let (splat, _) = block_lumps(&view, &block, (i as f32 + 0.5) * share, share);
-                    for lane in 0..LANES {
-                        sums[lane] += splat.amount[lane].iter().map(|&x| f64::from(x)).sum::<f64>();
+                    for (sum, amount) in sums.iter_mut().zip(&splat.amount) {
+                        *sum += amount.iter().map(|&x| f64::from(x)).sum::<f64>();
                     }
                 }
                 for lane in (0..LANES).filter(|&lane| division.lumps[lane] == lumps) {
