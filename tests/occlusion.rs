@@ -26,49 +26,65 @@ fn models(strands: u32, segments: u32, width: f32) -> Vec<(String, HairModel)> {
     models
 }
 
-/// The bound of the mean difference in the small models. A clump is narrower than a part of a face, so light between clumps is lost,
-/// the more the fewer and thicker the clumps are: measured -.019 here, within .01 with the full number of strands.
-fn bound(name: &str) -> f64 {
-    if name.starts_with("Clumps") { 0.025 } else { 0.01 }
+/// The accuracy that settings are found for.
+const ACCURACY: f64 = 0.01;
+
+/// What the root mean square over the points of a place stays below: the accuracy, and what its sample may add.
+const RMS: f64 = 1.25 * ACCURACY;
+
+/// Points that settings are found on: with 32 the tail of opaque clumps (errors up to .038) may be missing among them.
+const FOUND_ON: u32 = 64;
+
+/// Points of a place: those that settings are found on, then those that are compared.
+type Place = (&'static str, [Vec<Receiver>; 2]);
+
+fn places(model: &HairModel, hair: u32, surface: u32, floor: f32, scalp: bool) -> Vec<Place> {
+    let both = |count: u32, kind: &dyn Fn(u32) -> Vec<Receiver>| [apart(kind(count + FOUND_ON), count), kind(count)];
+    let mut places = vec![("hair", both(hair, &|n| on_hair(model, n)))];
+    places.extend(scalp.then(|| ("scalp", both(surface, &on_scalp))));
+    places.push(("floor", both(surface, &|n| on_floor(floor, n))));
+    places
 }
 
-fn cross_check(name: &str, model: &HairModel, places: &[(&str, Vec<Receiver>)], rays: u32, bound: f64) {
-    let hair_rays = HairRays::build(&Device::new().unwrap(), model, Transmittance::Crossing).unwrap();
+fn cross_check(name: &str, model: &HairModel, places: &[Place], rays: u32) -> Vec<String> {
+    let hair = Calibrated::new(model);
     let mut beyond = Vec::new();
-    for (place, receivers) in places {
-        let truth = traced(&hair_rays, model, receivers, rays);
-        let value = projected(model, receivers, FACES, CLUSTERS);
-        let difference = Difference::between(&value, &truth);
+    for (place, [found_on, receivers]) in places {
+        let found = hair.find(found_on, FACES, ACCURACY);
+        let truth = traced(&hair.rays, model, receivers, rays);
+        let difference = Difference::between(&hair.means(receivers, FACES, found.fineness), &truth);
         let level = truth.iter().sum::<f64>() / truth.len() as f64;
-        println!("{name}, {place}: Γ̄ {level:.4}, {difference}");
-        if difference.mean.abs() >= bound {
-            beyond.push(format!("{name}, {place}: {difference}"));
+        let line = format!("{name}, {place}: Γ̄ {level:.4}, {difference}; {found:?}");
+        println!("{line}");
+        if difference.mean.abs() >= ACCURACY || difference.rms >= RMS {
+            beyond.push(line);
         }
     }
-    assert!(beyond.is_empty(), "beyond {bound}: {beyond:?}");
+    beyond
 }
 
 #[test]
 fn projection_and_rays_agree_on_small_models() {
-    for (name, model) in models(10_000, 10, 0.006) {
-        let places = [("hair", on_hair(&model, 32)), ("scalp", on_scalp(16)), ("floor", on_floor(-1.6, 16))];
-        cross_check(&name, &model, &places, 1024, bound(&name));
-    }
+    let check =
+        |(name, model): (String, HairModel)| cross_check(&name, &model, &places(&model, 32, 32, -1.6, true), 4096);
+    let beyond: Vec<String> = models(10_000, 10, 0.006).into_iter().flat_map(check).collect();
+    assert!(beyond.is_empty(), "{beyond:#?}");
 }
 
 #[test]
 #[ignore = "slow: nine models of up to a million segments, 4,096 rays a point"]
 fn projection_and_rays_agree() {
+    let mut beyond = Vec::new();
     for (name, model) in models(50_000, 20, 0.003) {
-        let places = [("hair", on_hair(&model, 64)), ("scalp", on_scalp(32)), ("floor", on_floor(-1.6, 32))];
-        cross_check(&name, &model, &places, 4096, 0.01);
+        beyond.extend(cross_check(&name, &model, &places(&model, 64, 32, -1.6, true), 4096));
     }
     for transparency in [0.0, 0.356, 0.5] {
         if let Some(model) = yuksel_straight(transparency) {
-            let places = [("hair", on_hair(&model, 64)), ("floor", on_floor(-1.1, 32))];
-            cross_check(&format!("yuksel_straight t {transparency}"), &model, &places, 4096, 0.01);
+            let name = format!("yuksel_straight t {transparency}");
+            beyond.extend(cross_check(&name, &model, &places(&model, 64, 32, -1.1, false), 4096));
         }
     }
+    assert!(beyond.is_empty(), "{beyond:#?}");
 }
 
 /// The unit sphere under the hair.
@@ -79,9 +95,9 @@ fn scalp(device: &Device) -> Surfaces {
 }
 
 /// Σ over faces of [the face's ray misses the surface] Γ, over the number of faces.
-fn projected_sky(model: &HairModel, receivers: &[Receiver], surfaces: &Surfaces) -> Vec<f64> {
+fn projected_sky(model: &HairModel, receivers: &[Receiver], surfaces: &Surfaces, way: Way) -> Vec<f64> {
     let igloo = igloo_for(&receivers[0], FACES);
-    let projector = Projector::new(model, Transmittance::Crossing, &igloo, CLUSTERS);
+    let projector = Projector::new(model, Transmittance::Crossing, &igloo, way);
     let value = |scratch: &mut Scratch, (key, receiver): (usize, &Receiver)| {
         let distance = |face| {
             let [across, down] = [0, 1].map(|axis| random(&[20, key as u32, face as u32, axis]));
@@ -123,32 +139,44 @@ fn traced_sky(
     receivers.par_iter().enumerate().map(value).collect()
 }
 
-fn cross_check_over_scalp(models: Vec<(String, HairModel)>, points: u32, per_face: u32, bound: f64) {
+fn cross_check_over_scalp(models: Vec<(String, HairModel)>, points: u32, per_face: u32, calibrated: bool, bound: f64) {
     let device = Device::new().unwrap();
     let scalp = scalp(&device);
+    let mut beyond = Vec::new();
     for (name, model) in models {
-        let hair_rays = HairRays::build(&device, &model, Transmittance::Crossing).unwrap();
-        for (place, receivers) in [("hair", on_hair(&model, points)), ("floor", on_floor(-1.6, points / 2))] {
-            let truth = traced_sky(&hair_rays, &model, &receivers, &scalp, per_face);
-            let value = projected_sky(&model, &receivers, &scalp);
+        let hair = Calibrated::new(&model);
+        for (place, [found_on, receivers]) in places(&model, points, points / 2, -1.6, false) {
+            let fineness = calibrated.then(|| hair.find(&found_on, FACES, ACCURACY).fineness);
+            let truth = traced_sky(&hair.rays, &model, &receivers, &scalp, per_face);
+            let value = projected_sky(&model, &receivers, &scalp, Way::Clusters(fineness));
             let difference = Difference::between(&value, &truth);
             let level = truth.iter().sum::<f64>() / truth.len() as f64;
-            println!("{name} over a scalp, {place}: sky {level:.4}, {difference}");
-            assert!(difference.mean.abs() < bound, "{name}, {place}: {difference}");
+            let line = format!("{name} over a scalp, {place}: sky {level:.4}, {difference}; {fineness:?}");
+            println!("{line}");
+            if difference.mean.abs() >= bound {
+                beyond.push(line);
+            }
         }
     }
+    assert!(beyond.is_empty(), "{beyond:#?}");
 }
 
 #[test]
 fn sky_visibility_over_an_opaque_scalp_agrees_on_small_models() {
-    cross_check_over_scalp(models(10_000, 10, 0.006), 64, 5, 0.02);
+    cross_check_over_scalp(models(10_000, 10, 0.006), 64, 5, false, 0.02);
+}
+
+#[test]
+#[ignore = "fails: a calibration looks at hair alone; its few cells blur the border of the scalp, measured +.033 in half-transparent hair"]
+fn calibrated_settings_hold_over_an_opaque_scalp() {
+    cross_check_over_scalp(models(10_000, 10, 0.006), 64, 5, true, 0.02);
 }
 
 #[test]
 #[ignore = "slow: six models of a million segments, 4,000 rays a point"]
 fn sky_visibility_over_an_opaque_scalp_agrees() {
     // Opaque clumps from the floor: measured -.0112, of which .009 is light lost between clumps.
-    cross_check_over_scalp(models(50_000, 20, 0.003), 128, 20, 0.0125);
+    cross_check_over_scalp(models(50_000, 20, 0.003), 128, 20, false, 0.0125);
 }
 
 /// Strands of different transparencies and tapering widths.
@@ -306,24 +334,30 @@ fn thinning_converges_to_all_hair() {
     }
 }
 
-/// With more cells, and lumps in proportion to them, the error against rays falls to the noise of the rays.
+/// With more cells, and lumps in proportion to them, the error against rays falls; up to 96 cells a side, where strands of this width
+/// are a sixth of a cell and more. Beyond, the gaps between the lumps along a strand show.
 #[test]
 fn finer_maps_and_lumps_come_nearer_to_the_rays() {
-    for (style, transparency) in [(Style::Ball, 0.5), (Style::Clumps, 0.5), (Style::Curly, 0.0)] {
+    // By hair and floor, measured at 96 cells: .0022 and .0015, .0050 and .0028, .0129 and .0026.
+    for (style, transparency, bounds) in
+        [(Style::Ball, 0.5, [0.004; 2]), (Style::Clumps, 0.5, [0.0065, 0.004]), (Style::Curly, 0.0, [0.014, 0.004])]
+    {
         let model = grow(style, 4_000, 12, 0.006, transparency);
-        let rays = HairRays::build(&Device::new().unwrap(), &model, Transmittance::Crossing).unwrap();
-        for (receivers, opening) in [(on_hair(&model, 32), 1.3), (on_floor(-1.6, 24), 1.9)] {
-            let truth = traced(&rays, &model, &receivers, 20_000);
+        let hair = Calibrated::new(&model);
+        for (receivers, opening, bound) in [(on_hair(&model, 32), 1.3, bounds[0]), (on_floor(-1.6, 24), 1.9, bounds[1])]
+        {
+            let truth = traced(&hair.rays, &model, &receivers, 20_000);
             let mut last = f64::INFINITY;
-            for side in [6, 12, 24, 48] {
-                let way = Way::Clusters(Some(Fineness { side, opening }));
-                let error = Difference::between(&projected(&model, &receivers, FACES, way), &truth);
+            for side in [6, 12, 24, 48, 96] {
+                let means = hair.means(&receivers, FACES, Fineness { side, opening });
+                let error = Difference::between(&means, &truth);
                 println!("{style:?} t {transparency}, {side} cells a side: {error}");
-                // Where the error is small already it is noise.
-                assert!(error.rms < last.max(4e-3), "{style:?}, {side} cells a side: {error}");
+                // Lumps and cells err in opposite senses, so an error may stand still for a step: measured .0169 to .0173. Where it is
+                // small already it is noise.
+                assert!(error.rms < (1.05 * last).max(4e-3), "{style:?}, {side} cells a side: {error}");
                 last = error.rms;
             }
-            assert!(last < 0.01, "{style:?}: {last}");
+            assert!(last < bound, "{style:?}: {last}");
         }
     }
 }
@@ -332,13 +366,25 @@ fn finer_maps_and_lumps_come_nearer_to_the_rays() {
 fn cutting_segments_in_four_changes_nothing() {
     for (style, transparency) in [(Style::Ball, 0.0), (Style::Ball, 0.5), (Style::Clumps, 0.5), (Style::Curly, 0.5)] {
         let model = grow(style, 4_000, 12, 0.005, transparency);
-        let receivers = everywhere(&model);
         let finer = cut(&model, 4);
-        for way in [CLUSTERS, ALL] {
-            let change = Difference::between(&means(&finer, &receivers, way), &means(&model, &receivers, way));
-            println!("{style:?} t {transparency}, {way:?}: {change}");
-            assert!(change.mean.abs() < 0.0035, "{style:?} t {transparency}, {way:?}: {change}");
+        let (hair, cut) = (Calibrated::new(&model), Calibrated::new(&finer));
+        for (place, [found_on, receivers]) in places(&model, 32, 32, -1.6, true) {
+            let found = hair.find(&found_on, FACES, ACCURACY).fineness;
+            // Segment by segment little changes. Lumps are others: a tree with 16 children to a node cuts to within 2.5 times the
+            // opening, and four times the segments shift where. Measured up to .0023, and .0075 from a scalp.
+            for (opening, bound) in [(0.01, 0.003), (found.opening, 0.8 * ACCURACY)] {
+                let fineness = Fineness { opening, ..found };
+                let [after, before] = [&cut, &hair].map(|hair| hair.means(&receivers, FACES, fineness));
+                let change = Difference::between(&after, &before);
+                let line = format!("{style:?} t {transparency}, {place}, {fineness:?}: {change}");
+                println!("{line}");
+                assert!(change.mean.abs() < bound, "{line}");
+            }
         }
+        let receivers = everywhere(&model);
+        let change = Difference::between(&means(&finer, &receivers, ALL), &means(&model, &receivers, ALL));
+        println!("{style:?} t {transparency}, {ALL:?}: {change}");
+        assert!(change.mean.abs() < 0.003, "{style:?} t {transparency}, {ALL:?}: {change}");
     }
 }
 

@@ -181,3 +181,6 @@ fn sine_factor(mass: f32, t: impl Fn(usize) -> f32) -> f32 {
     let spread = 1.5 * (1.0 - norm2 / (mass * mass));
     1.0 - 0.038 * spread.clamp(0.0, 1.0)
 }
+
+#[cfg(test)]
+mod tests;

@@ -353,3 +353,6 @@ fn solid_angle(span: Span, side: usize, x: f64, y: f64) -> f64 {
     let area = step * step * if span == Span::Sphere { 1.0 } else { 0.5 };
     area / (length2 * length2.sqrt())
 }
+
+#[cfg(test)]
+mod tests;

@@ -441,3 +441,6 @@ pub fn exponentials(depths: &mut [f32]) {
         *depth = if *depth < 87.0 { part * power } else { 0.0 };
     }
 }
+
+#[cfg(test)]
+mod tests;

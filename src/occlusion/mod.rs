@@ -17,6 +17,8 @@ mod ribbon;
 pub mod segment;
 mod sobol;
 pub mod tangent;
+#[cfg(test)]
+mod testing;
 pub mod thinned;
 mod walk;
 

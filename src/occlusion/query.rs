@@ -139,3 +139,6 @@ fn query(walk: &Walk<'_>, scratch: &mut Scratch, gamma: &mut [f32]) {
     walk.run(scratch);
     walk.map.finish(&scratch.depth, &mut scratch.cells, gamma);
 }
+
+#[cfg(test)]
+mod tests;

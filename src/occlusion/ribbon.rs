@@ -139,7 +139,8 @@ fn along(ribbon: &Ribbon, view: &View, range: [f32; 2], lumps: u32, far: Option<
     let piece =
         if lumps == 1 { sine_difference(ribbon.h2, ribbon.from, ribbon.to) / cosine } else { 2.0 * (0.5 * step).sin() };
     let width = ribbon.width_at(middle);
-    let angle = 2.0 * half_angle(0.5 * width / h) / width;
+    // What has no width covers nothing.
+    let angle = if width > 0.0 { 2.0 * half_angle(0.5 * width / h) / width } else { 0.0 };
     let foot = ribbon.foot / h;
     for chunk in 0..lumps.div_ceil(LANES as u32) {
         let first = chunk * LANES as u32;
@@ -288,3 +289,6 @@ fn half_angle(x: f32) -> f32 {
         PI / 2.0
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
+use tress::embree::Device;
 use tress::hair::formats::{Options, read};
 use tress::hair::{Attribute, HairModel, Strands};
 use tress::hash::unit;
@@ -206,6 +207,44 @@ pub fn on_floor(y: f32, count: u32) -> Vec<Receiver> {
         Receiver { position: Vec3::new(square(0), y, square(1)), on: None, frame: frame_around(Vec3::Y) }
     };
     (0..count).map(receiver).collect()
+}
+
+/// The points of a list that are not among its first `count`: apart from those that a shorter list of the kind has.
+pub fn apart(mut receivers: Vec<Receiver>, count: u32) -> Vec<Receiver> {
+    receivers.split_off(count as usize)
+}
+
+/// A model with what a calibration needs of it.
+pub struct Calibrated<'a> {
+    pub model: &'a HairModel,
+    pub tree: ClusterTree,
+    pub rays: HairRays,
+}
+
+impl<'a> Calibrated<'a> {
+    pub fn new(model: &'a HairModel) -> Self {
+        let rule = Transmittance::Crossing;
+        let rays = HairRays::build(&Device::new().unwrap(), model, rule).unwrap();
+        Self { model, tree: ClusterTree::build(model, rule), rays }
+    }
+
+    /// What is found for an accuracy on points of one kind.
+    pub fn find(&self, receivers: &[Receiver], faces: u32, accuracy: f64) -> Calibration {
+        calibrated(&self.tree, &self.rays, self.model, receivers, &igloo_for(&receivers[0], faces), accuracy)
+    }
+
+    /// Γ̄ of points with given settings.
+    pub fn means(&self, receivers: &[Receiver], faces: u32, fineness: Fineness) -> Vec<f64> {
+        let igloo = igloo_for(&receivers[0], faces);
+        let map = fineness.map(&igloo);
+        let value = |scratch: &mut Scratch, receiver: &Receiver| {
+            let mut gamma = vec![0.0; igloo.len()];
+            let opening = fineness.angle(&map);
+            self.tree.transmittances(self.model, receiver, &map, opening, None, &mut gamma, scratch);
+            mean(&gamma)
+        };
+        receivers.par_iter().map_init(Scratch::default, value).collect()
+    }
 }
 
 /// The igloo that suits a receiver and all of its kind.
