@@ -280,19 +280,13 @@ fn pieces(half_length2: f32, bound2: f32) -> u32 {
 
 #[inline(always)]
 fn division(lumps: [u32; LANES], used: u32) -> Division {
-    let (mut one, mut near) = ([0; LANES], [0; LANES]);
-    for lane in 0..LANES {
-        one[lane] = u32::from(lumps[lane] == 1);
-        near[lane] = u32::from(lumps[lane] == NEAR);
-    }
-    Division { one: mask(&one) & used, near: mask(&near) & used, lumps }
+    Division { one: mask(&lumps, 1) & used, near: mask(&lumps, NEAR) & used, lumps }
 }
 
 /// How a block's segments are taken; those of the strand `own` are always near.
 #[inline(always)]
 pub fn divide(view: &View, block: &Block, own: u32) -> Division {
     let mut lumps = [0_u32; LANES];
-    let mut used = [0_u32; LANES];
     for lane in 0..LANES {
         let (u, v, w) = (
             0.5 * (block.b[0][lane] - block.a[0][lane]),
@@ -307,9 +301,8 @@ pub fn divide(view: &View, block: &Block, own: u32) -> Division {
         let narrow = (width * width < view.wide2 * nearest2) & (block.strand[lane] != own);
         let split = pieces(length2, view.stride2 * nearest2);
         lumps[lane] = if narrow { split } else { NEAR };
-        used[lane] = u32::from(block.segment[lane] != u32::MAX);
     }
-    division(lumps, mask(&used))
+    division(lumps, ALL & !mask(&block.segment, u32::MAX))
 }
 
 /// Sixteen rods of parallel hair, gathered from nodes.
@@ -390,9 +383,22 @@ pub fn saturation(x: f32) -> f32 {
     2.0 / (2.0 - x) * (1.0 + k2 * (1.0 / 3.0 + k2 * (1.0 / 5.0 + k2 * (1.0 / 7.0 + k2 * (1.0 / 9.0)))))
 }
 
+/// Bits of the lanes that hold this value.
 #[inline(always)]
-fn mask(set: &[u32; LANES]) -> u32 {
-    set.iter().enumerate().fold(0, |bits, (lane, set)| bits | set << lane)
+fn mask(lanes: &[u32; LANES], value: u32) -> u32 {
+    let mut set = [0_u8; LANES];
+    for lane in 0..LANES {
+        set[lane] = if lanes[lane] == value { 0xff } else { 0 };
+    }
+    // Compilers do not find the one instruction that gathers bits: they take the lanes one by one.
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_mm_loadu_si128, _mm_movemask_epi8};
+        // SAFETY: SSE2 is part of x86-64, and `set` has 16 bytes; the load need not be aligned.
+        unsafe { _mm_movemask_epi8(_mm_loadu_si128(set.as_ptr().cast())) as u32 }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    set.iter().enumerate().fold(0, |bits, (lane, set)| bits | u32::from(set & 1) << lane)
 }
 
 /// The bits that are set, lowest first.
