@@ -168,7 +168,7 @@ fn main() {
                     let mut scratch = Scratch::default();
                     let value = values(&tree, &model, &receivers, &map, igloo.len(), opening_angle);
                     let mut gamma = vec![0.0; igloo.len()];
-                    let mut times: Vec<f64> = (0..3)
+                    let mut times: Vec<f64> = (0..std::env::var("REPEAT").map_or(7, |p| p.parse().unwrap()))
                         .map(|_| {
                             let s = cpu();
                             for r in &timed {
@@ -179,8 +179,9 @@ fn main() {
                         .collect();
                     times.sort_by(f64::total_cmp);
                     println!(
-                        "  {name:7} {place} side {side:3} opening {opening:.2}: {:7.1} µs  {}",
-                        times[1],
+                        "  {name:7} {place} side {side:3} opening {opening:.2}: {:7.2} µs (least {:.2})  {}",
+                        times[times.len() / 2],
+                        times[0],
                         Difference::between(&value, &truth)
                     );
                 }

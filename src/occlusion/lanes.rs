@@ -32,6 +32,8 @@ pub struct Node {
     pub extent: Lanes,
     /// The child as a rod: half the mean segment, which runs through the centroid,
     pub half: [Lanes; 3],
+    /// 1 / its square, infinite where it has no length,
+    pub inverse_half2: Lanes,
     /// and the distance within which all of its segments run beside that one, from end to end.
     pub thickness: Lanes,
     /// Σ width · length · opacity, times what makes the sine of the mean angle that of the mean (see `clusters`).
@@ -61,9 +63,9 @@ impl Block {
     }
 }
 
-/// Who looks, and how finely.
+/// Who looks, and how finely; `HEMISPHERE` is the kind of map, known to the compiler: each kind has its own way to the square.
 #[derive(Clone, Copy, Debug)]
-pub struct View {
+pub struct View<const HEMISPHERE: bool> {
     position: [f32; 3],
     /// Rows: the igloo's axes in render space.
     axes: [[f32; 3]; 3],
@@ -78,8 +80,9 @@ pub struct View {
     crossing: f32,
 }
 
-/// A strand's piece is one lump up to this half length, in widths of a cell.
-const STRIDE: f32 = 1.0;
+/// A strand's piece is one lump up to this half length, in widths of a cell. Shorter pieces cost more, and the light between the
+/// lumps makes up for what is lost of gaps finer than a cell: at half of this the error is larger on all hair that was measured.
+const STRIDE: f32 = 1.5;
 
 /// A strand from this width on is a ribbon of several lumps across, in widths of a cell.
 const WIDE: f32 = 0.75;
@@ -96,7 +99,7 @@ pub struct Splat<const N: usize> {
     pub amount: [[f32; 4]; N],
 }
 
-impl View {
+impl<const HEMISPHERE: bool> View<HEMISPHERE> {
     /// `opening` is the largest angular extent of a lump, in radians.
     pub fn new(receiver: &Receiver, map: &DepthMap, opening: f32) -> Self {
         let cell = map.cell_width();
@@ -124,7 +127,7 @@ impl View {
     fn square(&self, toward: [f32; 3]) -> (f32, f32) {
         let [x, y, z] = toward;
         let [x, y, z] = self.axes.map(|axis| axis[0] * x + axis[1] * y + axis[2] * z);
-        let (u, v) = if self.grid.hemisphere { hemisphere_square(x, y, z) } else { sphere_square(x, y, z) };
+        let (u, v) = if HEMISPHERE { hemisphere_square(x, y, z) } else { sphere_square(x, y, z) };
         let half = self.grid.half;
         (half + half * u + 1.0, half + half * v + 1.0)
     }
@@ -134,7 +137,7 @@ impl View {
     pub fn cells<const N: usize>(&self, toward: &[[f32; N]; 3]) -> [u32; N] {
         let last = 2.0 * self.grid.half + 1.999;
         // On a sphere nothing lies in the border but what rounding puts there.
-        let [low, high] = if self.grid.hemisphere { [0.0, last] } else { [1.0, last - 1.0] };
+        let [low, high] = if HEMISPHERE { [0.0, last] } else { [1.0, last - 1.0] };
         let mut cells = [0; N];
         for lane in 0..N {
             let (x, y) = self.square([toward[0][lane], toward[1][lane], toward[2][lane]]);
@@ -210,13 +213,15 @@ pub struct Division {
     /// Bits of lanes: one lump, and nearer or wider than lumps are for. The others are taken in
     pub one: u32,
     pub near: u32,
+    /// Bits of lanes that hold anything.
+    pub used: u32,
     /// this many lumps: 2, 4 or 8.
     pub lumps: [u32; LANES],
 }
 
 /// The lanes of a node: its far children as lumps, and how the others are taken.
 #[inline(always)]
-pub fn node(view: &View, node: &Node) -> (Splat<LANES>, Lanes, Division) {
+pub fn node<const HEMISPHERE: bool>(view: &View<HEMISPHERE>, node: &Node) -> (Splat<LANES>, Lanes, Division) {
     let mut toward = [[0.0; LANES]; 3];
     let [mut amount, mut distance2] = [[0.0; LANES]; 2];
     let mut lumps = [0_u32; LANES];
@@ -239,7 +244,7 @@ pub fn node(view: &View, node: &Node) -> (Splat<LANES>, Lanes, Division) {
         amount[lane] = node.mass[lane] * sine * inverse;
         distance2[lane] = d2;
         let half = [node.half[0][lane], node.half[1][lane], node.half[2][lane]];
-        let (length2, nearest2) = rod([x, y, z], half);
+        let (length2, nearest2) = rod([x, y, z], half, |_| node.inverse_half2[lane]);
         let thickness = node.thickness[lane];
         let thin = thickness * thickness < view.limit2 * nearest2;
         let split = pieces(length2, view.limit2 * nearest2);
@@ -249,16 +254,17 @@ pub fn node(view: &View, node: &Node) -> (Splat<LANES>, Lanes, Division) {
         toward[1][lane] = y;
         toward[2][lane] = z;
     }
+    keep(&mut amount, &lumps);
     (view.splat(&toward, &amount), distance2, division(lumps, ALL))
 }
 
 /// Squared half length of a rod, and squared distance from the origin to it; `center` and `half` relative to the origin.
 #[inline(always)]
-fn rod(center: [f32; 3], half: [f32; 3]) -> (f32, f32) {
+fn rod(center: [f32; 3], half: [f32; 3], inverse: impl Fn(f32) -> f32) -> (f32, f32) {
     let [x, y, z] = center;
     let [u, v, w] = half;
     let length2 = u * u + v * v + w * w;
-    let s = -(x * u + y * v + z * w) / length2;
+    let s = -(x * u + y * v + z * w) * inverse(length2);
     // Where the rod has no length, `s` is not a number.
     let s = if s > -1.0 { s } else { -1.0 };
     let s = if s < 1.0 { s } else { 1.0 };
@@ -267,7 +273,7 @@ fn rod(center: [f32; 3], half: [f32; 3]) -> (f32, f32) {
 }
 
 /// What stands for "near" among numbers of lumps.
-const NEAR: u32 = 16;
+pub const NEAR: u32 = 16;
 
 /// In how many lumps a rod is taken, so that the half length of each is below the bound; both squared.
 #[inline(always)]
@@ -278,31 +284,78 @@ fn pieces(half_length2: f32, bound2: f32) -> u32 {
     if half_length2 < bound2 { 1 } else { count }
 }
 
+/// Leaves nothing of the lanes that have no 1.
 #[inline(always)]
-fn division(lumps: [u32; LANES], used: u32) -> Division {
-    Division { one: mask(&lumps, 1) & used, near: mask(&lumps, NEAR) & used, lumps }
+fn keep(amount: &mut Lanes, wanted: &[u32; LANES]) {
+    for lane in 0..LANES {
+        amount[lane] = if wanted[lane] == 1 { amount[lane] } else { 0.0 };
+    }
 }
 
-/// How a block's segments are taken; those of the strand `own` are always near.
 #[inline(always)]
-pub fn divide(view: &View, block: &Block, own: u32) -> Division {
+fn division(lumps: [u32; LANES], used: u32) -> Division {
+    Division { one: mask(&lumps, 1) & used, near: mask(&lumps, NEAR) & used, used, lumps }
+}
+
+/// The lanes of a block: its far segments as lumps, and how the others are taken; those of the strand `own` are always near.
+#[inline(always)]
+pub fn block<const HEMISPHERE: bool>(
+    view: &View<HEMISPHERE>,
+    block: &Block,
+    own: u32,
+) -> (Splat<LANES>, Lanes, Division) {
+    let mut toward = [[0.0; LANES]; 3];
+    let [mut amount, mut distance2] = [[0.0; LANES]; 2];
     let mut lumps = [0_u32; LANES];
     for lane in 0..LANES {
-        let (u, v, w) = (
-            0.5 * (block.b[0][lane] - block.a[0][lane]),
-            0.5 * (block.b[1][lane] - block.a[1][lane]),
-            0.5 * (block.b[2][lane] - block.a[2][lane]),
-        );
-        let x = block.a[0][lane] - view.position[0] + u;
-        let y = block.a[1][lane] - view.position[1] + v;
-        let z = block.a[2][lane] - view.position[2] + w;
-        let (length2, nearest2) = rod([x, y, z], [u, v, w]);
-        let width = 0.5 * (block.widths[0][lane] + block.widths[1][lane]);
-        let narrow = (width * width < view.wide2 * nearest2) & (block.strand[lane] != own);
+        let place = place(view, block, lane, 0.5);
+        let half = place.along.map(|u| 0.5 * u);
+        let (length2, nearest2) = rod(place.toward, half, |length2| 1.0 / length2);
+        let narrow = (place.width * place.width < view.wide2 * nearest2) & (block.strand[lane] != own);
         let split = pieces(length2, view.stride2 * nearest2);
         lumps[lane] = if narrow { split } else { NEAR };
+        (amount[lane], distance2[lane]) = place.lump(view, block.opacity[lane], 1.0);
+        toward[0][lane] = place.toward[0];
+        toward[1][lane] = place.toward[1];
+        toward[2][lane] = place.toward[2];
     }
-    division(lumps, ALL & !mask(&block.segment, u32::MAX))
+    keep(&mut amount, &lumps);
+    (view.splat(&toward, &amount), distance2, division(lumps, ALL & !mask(&block.segment, u32::MAX)))
+}
+
+/// A place on a segment.
+struct Place {
+    /// From the viewer.
+    toward: [f32; 3],
+    /// From one end of the segment to the other.
+    along: [f32; 3],
+    width: f32,
+}
+
+/// The place `s`, from 0 to 1, along a lane's segment.
+#[inline(always)]
+fn place<const HEMISPHERE: bool>(view: &View<HEMISPHERE>, block: &Block, lane: usize, s: f32) -> Place {
+    let (u, v, w) =
+        (block.b[0][lane] - block.a[0][lane], block.b[1][lane] - block.a[1][lane], block.b[2][lane] - block.a[2][lane]);
+    let x = block.a[0][lane] - view.position[0] + s * u;
+    let y = block.a[1][lane] - view.position[1] + s * v;
+    let z = block.a[2][lane] - view.position[2] + s * w;
+    let width = block.widths[0][lane] + s * (block.widths[1][lane] - block.widths[0][lane]);
+    Place { toward: [x, y, z], along: [u, v, w], width }
+}
+
+impl Place {
+    /// Amount and squared distance of the lump there of the part `share` of the segment.
+    #[inline(always)]
+    fn lump<const HEMISPHERE: bool>(&self, view: &View<HEMISPHERE>, opacity: f32, share: f32) -> (f32, f32) {
+        let ([x, y, z], [u, v, w]) = (self.toward, self.along);
+        let d2 = x * x + y * y + z * z;
+        let (p, q, r) = (v * z - w * y, w * x - u * z, u * y - v * x);
+        let inverse = 1.0 / d2;
+        let inverse_root = inverse.sqrt();
+        let solid_angle = self.width * share * (p * p + q * q + r * r).sqrt() * inverse * inverse_root;
+        (solid_angle * opacity * saturation(opacity * view.crossing * self.width * inverse_root), d2)
+    }
 }
 
 /// Sixteen rods of parallel hair, gathered from nodes.
@@ -316,7 +369,13 @@ pub struct Rods {
 
 /// One lump of each rod: its share `share` around the parameter `s`, from -1 to 1 along it.
 #[inline(always)]
-pub fn rod_lumps(view: &View, rods: &Rods, s: f32, share: f32) -> (Splat<LANES>, Lanes) {
+pub fn rod_lumps<const HEMISPHERE: bool>(
+    view: &View<HEMISPHERE>,
+    rods: &Rods,
+    s: f32,
+    share: f32,
+    wanted: &[u32; LANES],
+) -> (Splat<LANES>, Lanes) {
     let mut toward = [[0.0; LANES]; 3];
     let [mut amount, mut distance2] = [[0.0; LANES]; 2];
     for lane in 0..LANES {
@@ -338,36 +397,29 @@ pub fn rod_lumps(view: &View, rods: &Rods, s: f32, share: f32) -> (Splat<LANES>,
         toward[1][lane] = y;
         toward[2][lane] = z;
     }
+    keep(&mut amount, wanted);
     (view.splat(&toward, &amount), distance2)
 }
 
 /// One lump of each segment of a block: the part of length `share` around the parameter `s`, from 0 to 1 along it.
 #[inline(always)]
-pub fn block_lumps(view: &View, block: &Block, s: f32, share: f32) -> (Splat<LANES>, Lanes) {
+pub fn block_lumps<const HEMISPHERE: bool>(
+    view: &View<HEMISPHERE>,
+    block: &Block,
+    s: f32,
+    share: f32,
+    wanted: &[u32; LANES],
+) -> (Splat<LANES>, Lanes) {
     let mut toward = [[0.0; LANES]; 3];
     let [mut amount, mut distance2] = [[0.0; LANES]; 2];
     for lane in 0..LANES {
-        let (u, v, w) = (
-            block.b[0][lane] - block.a[0][lane],
-            block.b[1][lane] - block.a[1][lane],
-            block.b[2][lane] - block.a[2][lane],
-        );
-        let x = block.a[0][lane] - view.position[0] + s * u;
-        let y = block.a[1][lane] - view.position[1] + s * v;
-        let z = block.a[2][lane] - view.position[2] + s * w;
-        let d2 = x * x + y * y + z * z;
-        let (p, q, r) = (v * z - w * y, w * x - u * z, u * y - v * x);
-        let width = block.widths[0][lane] + s * (block.widths[1][lane] - block.widths[0][lane]);
-        let inverse = 1.0 / d2;
-        let inverse_root = inverse.sqrt();
-        let solid_angle = width * share * (p * p + q * q + r * r).sqrt() * inverse * inverse_root;
-        let opacity = block.opacity[lane];
-        amount[lane] = solid_angle * opacity * saturation(opacity * view.crossing * width * inverse_root);
-        distance2[lane] = d2;
-        toward[0][lane] = x;
-        toward[1][lane] = y;
-        toward[2][lane] = z;
+        let place = place(view, block, lane, s);
+        (amount[lane], distance2[lane]) = place.lump(view, block.opacity[lane], share);
+        toward[0][lane] = place.toward[0];
+        toward[1][lane] = place.toward[1];
+        toward[2][lane] = place.toward[2];
     }
+    keep(&mut amount, wanted);
     (view.splat(&toward, &amount), distance2)
 }
 

@@ -1,10 +1,10 @@
 //! Γ̄ of all faces from one point: the walk through the tree, compiled for what the processor can do.
 
-use super::Receiver;
 use super::clusters::ClusterTree;
 use super::depth_map::{Corners, DepthMap};
 use super::lanes::View;
-use super::walk::{Queues, Walk};
+use super::walk::{Lists, Queues, Walk};
+use super::{Receiver, Span};
 use crate::hair::HairModel;
 
 /// What the processor can do; all give the same bits.
@@ -46,7 +46,7 @@ pub struct Scratch {
     instructions: Instructions,
     /// Work done since it was made, in lanes of kernels.
     pub(super) work: u64,
-    pub(super) stack: Vec<(u32, u32)>,
+    pub(super) lists: Box<Lists>,
     /// Solid angle times opacity, where lumps gave it.
     pub(super) depth: Vec<Corners>,
     /// Solid angle of one wide ribbon in each cell; zero between ribbons.
@@ -70,7 +70,7 @@ impl Scratch {
         Self {
             instructions: if has { instructions } else { Instructions::Baseline },
             work: 0,
-            stack: Vec::new(),
+            lists: Box::default(),
             depth: Vec::new(),
             layer: Vec::new(),
             touched: Vec::new(),
@@ -106,36 +106,45 @@ impl ClusterTree {
         }
         // Emptying the map and summing it up cost about a lane for each two cells.
         scratch.work += map.len() as u64 / 2;
-        let view = View::new(receiver, map, opening);
         let far = far.is_some().then_some(&cell_far[..]);
-        let walk = Walk { tree: self, receiver, map, view, far, model };
-        match scratch.instructions {
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: `Scratch::with_instructions` takes it only where the processor has it.
-            Instructions::Avx512 => unsafe { query_avx512(&walk, scratch, gamma) },
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: as above.
-            Instructions::Avx2 => unsafe { query_avx2(&walk, scratch, gamma) },
-            Instructions::Baseline => query(&walk, scratch, gamma),
+        if map.span() == Span::Hemisphere {
+            let view = View::<true>::new(receiver, map, opening);
+            dispatch(&Walk { tree: self, receiver, map, view, far, model }, scratch, gamma);
+        } else {
+            let view = View::<false>::new(receiver, map, opening);
+            dispatch(&Walk { tree: self, receiver, map, view, far, model }, scratch, gamma);
         }
         scratch.far = cell_far;
     }
 }
 
+/// Runs the code that is compiled for the scratch's instructions.
+fn dispatch<const HEMISPHERE: bool>(walk: &Walk<'_, HEMISPHERE>, scratch: &mut Scratch, gamma: &mut [f32]) {
+    match scratch.instructions {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: `Scratch::with_instructions` takes it only where the processor has it.
+        Instructions::Avx512 => unsafe { query_avx512(walk, scratch, gamma) },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: as above.
+        Instructions::Avx2 => unsafe { query_avx2(walk, scratch, gamma) },
+        Instructions::Baseline => query(walk, scratch, gamma),
+    }
+}
+
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,bmi1,bmi2")]
-fn query_avx512(walk: &Walk<'_>, scratch: &mut Scratch, gamma: &mut [f32]) {
+fn query_avx512<const HEMISPHERE: bool>(walk: &Walk<'_, HEMISPHERE>, scratch: &mut Scratch, gamma: &mut [f32]) {
     query(walk, scratch, gamma);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2")]
-fn query_avx2(walk: &Walk<'_>, scratch: &mut Scratch, gamma: &mut [f32]) {
+fn query_avx2<const HEMISPHERE: bool>(walk: &Walk<'_, HEMISPHERE>, scratch: &mut Scratch, gamma: &mut [f32]) {
     query(walk, scratch, gamma);
 }
 
 #[inline(always)]
-fn query(walk: &Walk<'_>, scratch: &mut Scratch, gamma: &mut [f32]) {
+fn query<const HEMISPHERE: bool>(walk: &Walk<'_, HEMISPHERE>, scratch: &mut Scratch, gamma: &mut [f32]) {
     walk.run(scratch);
     walk.map.finish(&scratch.depth, &mut scratch.cells, gamma);
 }

@@ -75,7 +75,13 @@ impl Ribbon {
 
 /// Gathers a ribbon.
 #[inline(always)]
-pub fn gather(ribbon: &Ribbon, view: &View, map: &DepthMap, far: Option<&[f32]>, scratch: &mut Scratch) {
+pub fn gather<const HEMISPHERE: bool>(
+    ribbon: &Ribbon,
+    view: &View<HEMISPHERE>,
+    map: &DepthMap,
+    far: Option<&[f32]>,
+    scratch: &mut Scratch,
+) {
     // Nothing nearer than the ribbon's own width counts; the width at the foot decides.
     let width = ribbon.width_at(ribbon.from.max(0.0).min(ribbon.to));
     let inner2 = width * width - ribbon.h2;
@@ -92,7 +98,13 @@ pub fn gather(ribbon: &Ribbon, view: &View, map: &DepthMap, far: Option<&[f32]>,
 }
 
 #[inline(always)]
-fn part(ribbon: &Ribbon, view: &View, map: &DepthMap, far: Option<&[f32]>, scratch: &mut Scratch) {
+fn part<const HEMISPHERE: bool>(
+    ribbon: &Ribbon,
+    view: &View<HEMISPHERE>,
+    map: &DepthMap,
+    far: Option<&[f32]>,
+    scratch: &mut Scratch,
+) {
     if ribbon.to <= ribbon.from {
         return;
     }
@@ -115,7 +127,14 @@ fn part(ribbon: &Ribbon, view: &View, map: &DepthMap, far: Option<&[f32]>, scrat
 
 /// A narrow ribbon: lumps along its middle. Its layer is that of the strand where it crosses a cell (see [`saturation`]).
 #[inline(always)]
-fn along(ribbon: &Ribbon, view: &View, range: [f32; 2], lumps: u32, far: Option<&[f32]>, depth: &mut [Corners]) {
+fn along<const HEMISPHERE: bool>(
+    ribbon: &Ribbon,
+    view: &View<HEMISPHERE>,
+    range: [f32; 2],
+    lumps: u32,
+    far: Option<&[f32]>,
+    depth: &mut [Corners],
+) {
     let h = ribbon.h2.sqrt();
     let step = (range[1] - range[0]) / lumps as f32;
     let middle = 0.5 * (ribbon.from + ribbon.to);
@@ -176,9 +195,9 @@ fn sine_cosine(x: f32) -> (f32, f32) {
 
 /// A wide ribbon: its coverage is summed in each cell, each sample in the cell where it lies, then it is one layer there.
 #[inline(always)]
-fn across(
+fn across<const HEMISPHERE: bool>(
     ribbon: &Ribbon,
-    view: &View,
+    view: &View<HEMISPHERE>,
     [start, end]: [f32; 2],
     [lumps, slices]: [u32; 2],
     map: &DepthMap,
