@@ -24,8 +24,8 @@ const SIDES: [u32; 14] = [8, 10, 12, 14, 16, 18, 20, 24, 28, 32, 40, 48, 56, 64]
 
 /// Openings that are tried, on the sphere around hair and on a surface's hemisphere. Outlines against the sky want larger lumps: there
 /// the light lost at the outline is more.
-const SPHERE_OPENINGS: [f32; 5] = [1.0, 1.15, 1.3, 1.45, 1.6];
-const HEMISPHERE_OPENINGS: [f32; 5] = [1.3, 1.5, 1.75, 2.0, 2.3];
+const SPHERE_OPENINGS: [f32; 5] = [1.0, 1.1, 1.2, 1.35, 1.5];
+const HEMISPHERE_OPENINGS: [f32; 5] = [1.15, 1.3, 1.5, 1.75, 2.1];
 
 /// What is kept of the accuracy asked for against the chance in the points of a calibration.
 const MARGIN: f64 = 0.85;
@@ -47,7 +47,7 @@ impl Fineness {
     pub fn for_faces(span: Span, per_hemisphere: u32, opening: Option<f32>) -> Self {
         let side = (2.0 * f64::from(per_hemisphere).sqrt()).ceil() as u32;
         let cells_per_face = if span == Span::Sphere { 2.0_f32 } else { 4.0 };
-        let opening = opening.unwrap_or(1.0) * cells_per_face.sqrt();
+        let opening = opening.unwrap_or(0.85) * cells_per_face.sqrt();
         Self { side: side.clamp(4, super::depth_map::LARGEST_SIDE).div_ceil(2) * 2, opening }
     }
 }

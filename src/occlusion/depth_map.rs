@@ -30,9 +30,7 @@ pub struct Grid {
 }
 
 /// What lumps gave at a cell: for it, the cell right of it, the one below it and the one below that to the right.
-///
-/// Twice, for even and odd lanes of a kernel: neighbouring lanes often hit one cell, and each addition waits for the one before.
-pub type Corners = [[f32; 4]; 2];
+pub type Corners = [f32; 4];
 
 /// The map of an igloo's directions. It holds tables: make it once for many points.
 #[derive(Clone, Debug)]
@@ -156,27 +154,26 @@ impl DepthMap {
         Grid { hemisphere: self.span == Span::Hemisphere, half: 0.5 * self.side as f32, stride: self.stride() as u32 }
     }
 
-    /// From what lumps gave at each cell, in two parts, to what each cell has.
+    /// From what lumps gave at each cell to what each cell has.
     #[inline(always)]
     fn collect(&self, corners: &[Corners], buffer: &mut [f32]) {
         let stride = self.stride();
-        let sum = |[a, b]: &Corners, corner: usize| a[corner] + b[corner];
         for row in 0..stride {
             let target = &mut buffer[row * stride..][..stride];
             let here = &corners[row * stride..][..stride];
             for (target, here) in target.iter_mut().zip(here) {
-                *target = sum(here, 0);
+                *target = here[0];
             }
             for (target, left) in target[1..].iter_mut().zip(here) {
-                *target += sum(left, 1);
+                *target += left[1];
             }
             if row > 0 {
                 let above = &corners[(row - 1) * stride..][..stride];
                 for (target, above) in target.iter_mut().zip(above) {
-                    *target += sum(above, 2);
+                    *target += above[2];
                 }
                 for (target, above) in target[1..].iter_mut().zip(above) {
-                    *target += sum(above, 3);
+                    *target += above[3];
                 }
             }
         }

@@ -2,10 +2,10 @@
 
 use super::clusters::ClusterTree;
 use super::depth_map::Corners;
-use super::lanes::{self, ALL, Block, LANES, Lanes, NEAR, Node, Rods, Splat, View, bits, prefetch};
+use super::lanes::{self, ALL, Block, LANES, Lanes, NEAR, Node, OWN, Rods, Splat, View, bits, prefetch};
 use super::query::Scratch;
 use super::ribbon::{self, Ribbon};
-use super::segment::{WHOLE, counted};
+use super::segment::{Parts, WHOLE, counted};
 use super::{DepthMap, Receiver};
 use crate::hair::HairModel;
 
@@ -152,7 +152,7 @@ impl<const HEMISPHERE: bool> Walk<'_, HEMISPHERE> {
     fn give(&self, splat: &Splat<LANES>, distance2: &Lanes, depth: &mut [Corners]) {
         let Some(far) = self.far else {
             for lane in 0..LANES {
-                lanes::add(&mut depth[splat.cell[lane] as usize][lane & 1], &splat.amount[lane]);
+                lanes::add(&mut depth[splat.cell[lane] as usize], &splat.amount[lane]);
             }
             return;
         };
@@ -160,7 +160,7 @@ impl<const HEMISPHERE: bool> Walk<'_, HEMISPHERE> {
             let cell = splat.cell[lane] as usize;
             let counts = distance2[lane] < far[cell] * far[cell];
             let amount = splat.amount[lane].map(|amount| if counts { amount } else { 0.0 });
-            lanes::add(&mut depth[cell][lane & 1], &amount);
+            lanes::add(&mut depth[cell], &amount);
         }
     }
 
@@ -232,9 +232,12 @@ impl<const HEMISPHERE: bool> Walk<'_, HEMISPHERE> {
         for &(place, lumps) in list {
             let block = &self.tree.blocks[(place / LANES as u32) as usize];
             let lane = (place % LANES as u32) as usize;
-            if lumps == NEAR {
+            // Of its own strand the model has to be asked what counts; what counts as a whole is as any other segment.
+            let (own, lumps) = (lumps & OWN != 0, (lumps & !OWN).max(COUNTS[0]));
+            let parts = if own { counted(self.model, self.receiver, block.segment[lane] as usize) } else { WHOLE };
+            if lumps == NEAR || parts != WHOLE {
                 scratch.work += 3 * LANES as u64;
-                self.near_segment(block, lane, scratch);
+                self.near_segment(block, lane, parts, scratch);
             } else {
                 scratch.work += u64::from(lumps);
                 self.queue_segment(block, lane, kind(lumps), queues, &mut scratch.depth);
@@ -262,15 +265,9 @@ impl<const HEMISPHERE: bool> Walk<'_, HEMISPHERE> {
     }
 
     #[inline(always)]
-    fn near_segment(&self, block: &Block, lane: usize, scratch: &mut Scratch) {
+    fn near_segment(&self, block: &Block, lane: usize, parts: Parts, scratch: &mut Scratch) {
         let [a, b] = block.ends(lane).map(|end| end - self.receiver.position);
         let widths = [block.widths[0][lane], block.widths[1][lane]];
-        // Only of its own strand the model has to be asked what counts.
-        let parts = if self.receiver.on.is_some_and(|on| on.strand == block.strand[lane]) {
-            counted(self.model, self.receiver, block.segment[lane] as usize)
-        } else {
-            WHOLE
-        };
         for [from, to] in parts.into_iter().flatten() {
             let ribbon = Ribbon::new(a, b, widths, [from, to], block.opacity[lane]);
             if let Some(ribbon) = ribbon {
