@@ -47,7 +47,7 @@ impl Fineness {
     pub fn for_faces(span: Span, per_hemisphere: u32, opening: Option<f32>) -> Self {
         let side = (2.0 * f64::from(per_hemisphere).sqrt()).ceil() as u32;
         let cells_per_face = if span == Span::Sphere { 2.0_f32 } else { 4.0 };
-        let opening = opening.unwrap_or(0.85) * cells_per_face.sqrt();
+        let opening = opening.unwrap_or(0.75) * cells_per_face.sqrt();
         Self { side: side.clamp(4, super::depth_map::LARGEST_SIDE).div_ceil(2) * 2, opening }
     }
 }

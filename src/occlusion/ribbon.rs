@@ -171,10 +171,10 @@ fn along<const HEMISPHERE: bool>(
             toward[2][lane] = foot.z * c + ribbon.axis.z * s;
         }
         let splat = view.splat(&toward, &amount, None);
-        for lane in 0..LANES.min((lumps - first) as usize) {
-            let cell = splat.cell[lane] as usize;
-            if far.is_none_or(|far| distance[lane] < far[cell]) {
-                add(&mut depth[cell], &splat.amount[lane]);
+        let used = LANES.min((lumps - first) as usize);
+        for ((&cell, amount), distance) in splat.cell.iter().zip(&splat.amount).zip(&distance).take(used) {
+            if far.is_none_or(|far| *distance < far[cell as usize]) {
+                add(&mut depth[cell as usize], amount);
             }
         }
     }
@@ -295,7 +295,7 @@ fn half_angle(x: f32) -> f32 {
     let x2 = x * x;
     let small = x * (1.0 + x2 * (1.0 / 6.0 + x2 * (3.0 / 40.0)));
     let y = if x < 1.0 { x } else { 1.0 };
-    let low = 1.570_796_3 + y * (-0.214_598_8 + y * (0.088_978_99 + y * -0.050_174_305));
+    let low = 0.5 * PI + y * (-0.214_598_8 + y * (0.088_978_99 + y * -0.050_174_305));
     let high = 0.030_891_88 + y * (-0.017_088_126 + y * (0.006_670_09 + y * -0.001_262_491_1));
     let y2 = y * y;
     let large = 0.5 * PI - (1.0 - y).sqrt() * (low + y2 * y2 * high);

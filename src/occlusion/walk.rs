@@ -150,17 +150,17 @@ impl<const HEMISPHERE: bool> Walk<'_, HEMISPHERE> {
     /// Adds lumps to their cells.
     #[inline(always)]
     fn give(&self, splat: &Splat<LANES>, distance2: &Lanes, depth: &mut [Corners]) {
+        let lumps = splat.cell.iter().zip(&splat.amount);
         let Some(far) = self.far else {
-            for lane in 0..LANES {
-                lanes::add(&mut depth[splat.cell[lane] as usize], &splat.amount[lane]);
+            for (&cell, amount) in lumps {
+                lanes::add(&mut depth[cell as usize], amount);
             }
             return;
         };
-        for lane in 0..LANES {
-            let cell = splat.cell[lane] as usize;
-            let counts = distance2[lane] < far[cell] * far[cell];
-            let amount = splat.amount[lane].map(|amount| if counts { amount } else { 0.0 });
-            lanes::add(&mut depth[cell], &amount);
+        for ((&cell, amount), &distance2) in lumps.zip(distance2) {
+            let far = far[cell as usize];
+            let counts = distance2 < far * far;
+            lanes::add(&mut depth[cell as usize], &amount.map(|amount| if counts { amount } else { 0.0 }));
         }
     }
 
