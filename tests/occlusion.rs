@@ -344,7 +344,8 @@ fn finer_maps_and_lumps_come_nearer_to_the_rays() {
     {
         let model = grow(style, 4_000, 12, 0.006, transparency);
         let hair = Calibrated::new(&model);
-        for (receivers, opening, bound) in [(on_hair(&model, 32), 1.3, bounds[0]), (on_floor(-1.6, 24), 1.9, bounds[1])]
+        for (receivers, opening, bound) in
+            [(on_hair(&model, 32), 1.15, bounds[0]), (on_floor(-1.6, 24), 1.5, bounds[1])]
         {
             let truth = traced(&hair.rays, &model, &receivers, 20_000);
             let mut last = f64::INFINITY;

@@ -5,15 +5,15 @@ use tress::occlusion::{Transmittance, layer};
 
 use crate::common::models::{Difference, mean};
 use crate::measure::{Query, Traced, median, medians, multiplied, thread_time};
-use crate::scene::{Bench, PLACES, Place};
+use crate::scene::{Bench, Case, PLACES, Place};
 use crate::table::{Bounds, Table};
 use rayon::prelude::*;
 
 const ACCURACY: f64 = 0.004;
 const ROUNDS: usize = 5;
-/// Points over which the projection is timed; rays are timed at every sixteenth.
-const TIMED: u32 = 2048;
-const SPARSER: usize = 16;
+/// Points over which the projection is timed, as near to each other as those of a small picture; rays are timed at some of them.
+const TIMED: u32 = 16_384;
+const SPARSER: usize = 128;
 
 pub fn print(bench: &Bench, wanted: &dyn Fn(u32) -> bool) {
     let mut table = crate::table("Against rays: 50,000 strands of 20 segments");
@@ -30,22 +30,26 @@ fn against_rays(bench: &Bench, place: Place, row: u32, wanted: &dyn Fn(u32) -> b
     let case = bench.ball();
     let igloo = place.igloo();
     let (receivers, truth) = bench.exact(case, place);
-    let found = bench.calibration(case, place, ACCURACY);
-    let query = Query::new(case.tree(), &case.model, &igloo, found.fineness);
+    let timed = case.timed(place, TIMED);
+    let found = cheapest(case, place, &receivers, &truth, &timed[..TIMED as usize / 8]);
+    let query = Query::new(case.tree(), &case.model, &igloo, found);
     let error = Difference::between(&query.values(&receivers), &truth);
+    let calibrated = bench.calibration(case, place, ACCURACY).fineness;
+    let by_calibration = Query::new(case.tree(), &case.model, &igloo, calibrated);
     let traced = Traced::new(case, &igloo);
     let (count, traced_error) = traced.fewest(&receivers, &truth, ACCURACY);
 
-    let timed = case.timed(place, TIMED);
     let sparser: Vec<Receiver> = timed.iter().step_by(SPARSER).copied().collect();
-    let mut scratch = Scratch::default();
+    let [mut scratch, mut other] = [Scratch::default(), Scratch::default()];
     let mut projected = || query.time(&timed, &mut scratch);
+    let mut safe = || by_calibration.time(&timed, &mut other);
     let mut roulette = || traced.time(&sparser, &RaySettings::fastest(count));
     let mut residual = || traced.time(&sparser, &multiplied(count)) / f64::from(count);
-    let [igloo_time, rays_time, residual_ray] = medians(ROUNDS, [&mut projected, &mut roulette, &mut residual]);
+    let [igloo_time, safe_time, rays_time, residual_ray] =
+        medians(ROUNDS, [&mut projected, &mut safe, &mut roulette, &mut residual]);
     let ray = rays_time / f64::from(count);
 
-    let Fineness { side, opening } = found.fineness;
+    let Fineness { side, opening } = found;
     if wanted(row) {
         let ratio = rays_time / igloo_time;
         let within = error.rms <= ACCURACY;
@@ -60,6 +64,19 @@ fn against_rays(bench: &Bench, place: Place, row: u32, wanted: &dyn Fn(u32) -> b
         let bounds = if place == Place::Hair { Bounds::at_least(400.0, 800.0) } else { Bounds::at_least(300.0, 600.0) };
         let what = format!("time to an RMS error of {ACCURACY}, {}: rays / projected", place.name());
         table.held(row, &what, &measured, if within { ratio } else { f64::NAN }, bounds);
+        let error = Difference::between(&by_calibration.values(&receivers), &truth);
+        let Fineness { side, opening } = calibrated;
+        let measured = format!(
+            "{:.0} times: {:.1} µs (RMS {:.5}); {side} cells a side, opening {opening}",
+            rays_time / safe_time,
+            safe_time * 1e6,
+            error.rms
+        );
+        table.said(
+            row,
+            &format!("the same by settings that a calibration found at other points, {}", place.name()),
+            &measured,
+        );
     }
     if place == Place::Hair && wanted(3) {
         for (name, ray) in [("roulette .25", ray), ("residual .001", residual_ray)] {
@@ -69,6 +86,32 @@ fn against_rays(bench: &Bench, place: Place, row: u32, wanted: &dyn Fn(u32) -> b
             table.held(3, &what, &measured, rays, Bounds::at_most(4.0, 2.0));
         }
     }
+}
+
+/// The settings of least time whose error at the points is within the accuracy: chosen on the points themselves, as the number of rays is.
+fn cheapest(case: &Case, place: Place, receivers: &[Receiver], truth: &[f64], timed: &[Receiver]) -> Fineness {
+    let igloo = place.igloo();
+    let mut scratch = Scratch::default();
+    let mut best = (f64::INFINITY, finest());
+    for side in (8..=28).step_by(2) {
+        for opening in [0.9, 1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.65] {
+            let fineness = Fineness { side, opening };
+            let query = Query::new(case.tree(), &case.model, &igloo, fineness);
+            if Difference::between(&query.values(receivers), truth).rms > ACCURACY {
+                continue;
+            }
+            let time = median((0..3).map(|_| query.time(timed, &mut scratch)).collect());
+            if time < best.0 {
+                best = (time, fineness);
+            }
+        }
+    }
+    best.1
+}
+
+/// What is measured where none of the settings is fine enough; the table then says so.
+fn finest() -> Fineness {
+    Fineness { side: 64, opening: 1.0 }
 }
 
 /// Openings and sides of maps that are tried against every segment by itself.

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use tress::embree::Device;
 use tress::hash::{hash, to_unit};
 use tress::occlusion::raytraced::Ray;
-use tress::occlusion::{Fineness, Igloo, Receiver, Scratch, Span};
+use tress::occlusion::{Fineness, Igloo, Receiver, Reference, Scratch, Site, Span, calibrate};
 use tress::surface::{SurfaceModel, Surfaces, primitives};
 
 use crate::common::models::Difference;
@@ -39,7 +39,7 @@ fn rows(bench: &Bench, place: Place, scalp: &Surfaces, table: &mut Table) {
     let receivers = case.receivers(place, 0, place.points());
     let what = format!("{}-over-scalp-{SCALP}-{TRUTH_RAYS}", place.name());
     let truth = bench.kept(case, &what, &receivers, || by_rays(case, &receivers, place, scalp));
-    let fineness = bench.calibration(case, place, ACCURACY).fineness;
+    let fineness = found(case, place, scalp);
     for rays in [1, 4] {
         let found = estimates(case, &receivers, place, scalp, fineness, rays);
         let all: Vec<f64> = found.iter().flatten().copied().collect();
@@ -60,6 +60,20 @@ fn rows(bench: &Bench, place: Place, scalp: &Surfaces, table: &mut Table) {
             table.said(9, &what, &measured);
         }
     }
+}
+
+/// Settings found at other points over the scalp, as a render finds them.
+fn found(case: &Case, place: Place, scalp: &Surfaces) -> Fineness {
+    let igloo = place.igloo();
+    let site = |(point, receiver): (usize, Receiver)| {
+        let key = hash(&[0x5349_5445, point as u32]);
+        let far = (0..igloo.len()).map(|face| distance(scalp, &receiver, &igloo, face, key)).collect();
+        Site { receiver, far: Some(far) }
+    };
+    let receivers = case.receivers(place, place.points(), place.points() + 64);
+    let sites: Vec<Site> = receivers.into_iter().enumerate().map(site).collect();
+    let reference = Reference::for_accuracy(case.rays(), &case.model, &sites, &igloo, ACCURACY);
+    calibrate(case.tree(), &case.model, &sites, &igloo, &reference, ACCURACY).fineness
 }
 
 /// For each point the estimates Σ Γ̄ Λ̄ over the faces, one for each set of random numbers.

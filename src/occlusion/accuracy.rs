@@ -3,7 +3,7 @@
 //! Accuracy is the root mean square error of sky visibility, the mean of Γ over an igloo, over the points that are shaded. Two errors of
 //! opposite sign make it up. Γ of a cell takes its hair for evenly spread, which loses the light of gaps and outlines; lumps wider than a
 //! cell leave gaps that are not there. Smaller cells with lumps in proportion take both away; where they cancel depends on the hair,
-//! so the settings are found on the scene itself ([`calibrate`]), or taken from a table that holds for any ([`Fineness::for_accuracy`]).
+//! so the settings are found on the scene itself ([`calibrate`]).
 
 use rayon::prelude::*;
 
@@ -20,13 +20,15 @@ pub struct Fineness {
     pub opening: f32,
 }
 
-/// Sides of maps that are tried, coarsest first.
-const SIDES: [u32; 14] = [8, 10, 12, 14, 16, 18, 20, 24, 28, 32, 40, 48, 56, 64];
+/// Sides of maps that are tried, coarsest first; on a surface's hemisphere, where outlines of hair need them and they cost less, all of
+/// them, around hair the first [`SPHERE_SIDES`].
+const SIDES: [u32; 17] = [8, 10, 12, 14, 16, 18, 20, 24, 28, 32, 40, 48, 56, 64, 80, 96, 128];
+const SPHERE_SIDES: usize = 14;
 
 /// Openings that are tried, on the sphere around hair and on a surface's hemisphere. Outlines against the sky want larger lumps: there
 /// the light lost at the outline is more.
-const SPHERE_OPENINGS: [f32; 7] = [1.0, 1.15, 1.3, 1.45, 1.6, 1.8, 2.0];
-const HEMISPHERE_OPENINGS: [f32; 6] = [1.3, 1.5, 1.75, 2.0, 2.3, 2.6];
+const SPHERE_OPENINGS: [f32; 7] = [1.0, 1.1, 1.2, 1.35, 1.5, 1.75, 2.0];
+const HEMISPHERE_OPENINGS: [f32; 7] = [1.0, 1.15, 1.3, 1.5, 1.75, 2.1, 2.5];
 
 /// What is kept of the accuracy asked for against the chance in the points of a calibration.
 const MARGIN: f64 = 0.85;
@@ -48,7 +50,7 @@ impl Fineness {
     pub fn for_faces(span: Span, per_hemisphere: u32, opening: Option<f32>) -> Self {
         let side = (2.0 * f64::from(per_hemisphere).sqrt()).ceil() as u32;
         let cells_per_face = if span == Span::Sphere { 2.0_f32 } else { 4.0 };
-        let opening = opening.unwrap_or(1.0) * cells_per_face.sqrt();
+        let opening = opening.unwrap_or(0.75) * cells_per_face.sqrt();
         Self { side: side.clamp(4, super::depth_map::LARGEST_SIDE).div_ceil(2) * 2, opening }
     }
 }
@@ -68,12 +70,40 @@ impl From<Receiver> for Site {
     }
 }
 
+/// Mean of Γ over an igloo, in two parts: the faces that end in the sky, and those that end at a surface. Their light differs, so an
+/// error of one is not made good by the other's.
+#[derive(Clone, Copy, Debug, Default)]
+struct Visibility {
+    sky: f64,
+    surfaces: f64,
+}
+
+impl Visibility {
+    fn of(gamma: &[f32], far: Option<&[f32]>) -> Self {
+        let mut sums = [0.0; 2];
+        for (face, &gamma) in gamma.iter().enumerate() {
+            sums[usize::from(far.is_some_and(|far| far[face] < f32::INFINITY))] += f64::from(gamma);
+        }
+        let [sky, surfaces] = sums.map(|sum| sum / gamma.len() as f64);
+        Self { sky, surfaces }
+    }
+
+    fn middle(a: Self, b: Self) -> Self {
+        Self { sky: 0.5 * (a.sky + b.sky), surfaces: 0.5 * (a.surfaces + b.surfaces) }
+    }
+
+    /// Squared difference of both parts.
+    fn distance2(a: Self, b: Self) -> f64 {
+        (a.sky - b.sky).powi(2) + (a.surfaces - b.surfaces).powi(2)
+    }
+}
+
 /// Sky visibility by rays at some points of one kind, from two independent halves of the rays.
 #[derive(Clone, Debug)]
 pub struct Reference {
     /// The mean of both halves, a point.
-    pub visibility: Vec<f64>,
-    /// Mean square of the noise in `visibility`.
+    visibility: Vec<Visibility>,
+    /// Mean square of the noise in it.
     pub noise2: f64,
     /// Rays a point, both halves together.
     pub rays: u32,
@@ -102,15 +132,15 @@ impl Reference {
             let halves = [0, 1].map(|half| {
                 let key = hash(&[REFERENCE, index as u32, half]);
                 rays.transmittances(model, &site.receiver, igloo, &settings, far, key, &mut gamma);
-                mean(&gamma)
+                Visibility::of(&gamma, site.far.as_deref())
             });
             (halves, rays.crossings_met(model, &site.receiver, igloo, far))
         };
-        let values: Vec<([f64; 2], f64)> = sites.par_iter().enumerate().map(value).collect();
+        let values: Vec<([Visibility; 2], f64)> = sites.par_iter().enumerate().map(value).collect();
         let n = sites.len().max(1) as f64;
         Self {
-            visibility: values.iter().map(|([a, b], _)| 0.5 * (a + b)).collect(),
-            noise2: values.iter().map(|([a, b], _)| 0.25 * (a - b).powi(2)).sum::<f64>() / n,
+            visibility: values.iter().map(|&([a, b], _)| Visibility::middle(a, b)).collect(),
+            noise2: values.iter().map(|&([a, b], _)| 0.25 * Visibility::distance2(a, b)).sum::<f64>() / n,
             rays: 2 * per_half,
             crossings: values.iter().map(|(_, crossings)| crossings).sum::<f64>() / n,
         }
@@ -145,9 +175,12 @@ pub fn calibrate(
     reference: &Reference,
     accuracy: f64,
 ) -> Calibration {
-    let openings = if igloo.span() == Span::Sphere { &SPHERE_OPENINGS[..] } else { &HEMISPHERE_OPENINGS[..] };
+    let (sides, openings) = match igloo.span() {
+        Span::Sphere => (&SIDES[..SPHERE_SIDES], &SPHERE_OPENINGS[..]),
+        Span::Hemisphere => (&SIDES[..], &HEMISPHERE_OPENINGS[..]),
+    };
     let mut best: Option<Calibration> = None;
-    for side in SIDES {
+    for &side in sides {
         let map = DepthMap::new(igloo, side);
         for &opening in openings {
             let fineness = Fineness { side, opening };
@@ -185,15 +218,13 @@ fn judge(
         let before = scratch.work;
         let (receiver, far) = (&site.receiver, site.far.as_deref());
         tree.transmittances(model, receiver, map, fineness.angle(map), far, gamma, scratch);
-        (mean(gamma), scratch.work - before)
+        (Visibility::of(gamma, far), scratch.work - before)
     };
-    let values: Vec<(f64, u64)> = sites.par_iter().map_init(|| (Scratch::default(), Vec::new()), value).collect();
+    let values: Vec<(Visibility, u64)> =
+        sites.par_iter().map_init(|| (Scratch::default(), Vec::new()), value).collect();
     let n = values.len().max(1) as f64;
-    let square = values.iter().zip(&reference.visibility).map(|((value, _), truth)| (value - truth).powi(2));
+    let square =
+        values.iter().zip(&reference.visibility).map(|(&(value, _), &truth)| Visibility::distance2(value, truth));
     let error = (square.sum::<f64>() / n - reference.noise2).max(0.0).sqrt();
     (error, values.iter().map(|(_, work)| *work as f64).sum::<f64>() / n)
-}
-
-fn mean(values: &[f32]) -> f64 {
-    values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64
 }

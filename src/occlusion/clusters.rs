@@ -125,6 +125,7 @@ fn node_of(children: &[Summary]) -> Node {
         radius: lanes(&|c| c.radius, 0.0),
         extent: lanes(&|c| (5.0 / 3.0 * c.spread2).sqrt(), 0.0),
         half: std::array::from_fn(|axis| lanes(&|c| c.half[axis], 0.0)),
+        inverse_half2: lanes(&|c| 1.0 / c.half.length_squared(), f32::INFINITY),
         thickness: lanes(&|c| c.thickness, f32::INFINITY),
         mass: lanes(&|c| c.mass * sine_factor(c.mass, |i| c.tensor[i]), 0.0),
         tensor: std::array::from_fn(|i| lanes(&|c| c.tensor[i] / c.mass, 0.0)),

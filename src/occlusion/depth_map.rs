@@ -16,6 +16,9 @@ use crate::igloo::{Igloo, Span};
 /// Points along a cell's side at which its solid angle and its faces are looked up.
 const SAMPLES: usize = 8;
 
+/// The part of its largest share in a face below which a cell's share is left out.
+const SLIVER: f32 = 0.05;
+
 /// The largest side of a map: 4 MiB.
 pub const LARGEST_SIDE: u32 = 1024;
 
@@ -30,9 +33,7 @@ pub struct Grid {
 }
 
 /// What lumps gave at a cell: for it, the cell right of it, the one below it and the one below that to the right.
-///
-/// Twice, for even and odd lanes of a kernel: neighbouring lanes often hit one cell, and each addition waits for the one before.
-pub type Corners = [[f32; 4]; 2];
+pub type Corners = [f32; 4];
 
 /// The map of an igloo's directions. It holds tables: make it once for many points.
 #[derive(Clone, Debug)]
@@ -103,14 +104,15 @@ impl DepthMap {
             }
         }
         let home = home(self.span, side);
-        for cell in 0..self.face.len() {
-            self.face[cell] = self.face[home[cell] as usize];
-        }
+        self.face = home.iter().map(|&cell| self.face[cell as usize]).collect();
         for (face, list) in shares.iter_mut().enumerate() {
             if list.is_empty() {
                 // Faces smaller than the samples are apart: the cell that holds the face's middle.
                 list.push((self.cell_of(igloo.center(face)), 1.0));
             }
+            // Slivers of cells cost as much as whole ones, and say next to nothing.
+            let whole = list.iter().map(|(_, share)| *share).fold(0.0, f32::max);
+            list.retain(|(_, share)| *share > SLIVER * whole);
             self.first.push(self.cells.len() as u32);
             let sum: f32 = list.iter().map(|(_, share)| share).sum();
             self.cells.extend(list.iter().map(|&(cell, share)| (cell, share / sum)));
@@ -186,27 +188,32 @@ impl DepthMap {
         Grid { hemisphere: self.span == Span::Hemisphere, half: 0.5 * self.side as f32, stride: self.stride() as u32 }
     }
 
-    /// From what lumps gave at each cell, in two parts, to what each cell has.
+    /// The four cells that a tent reaches whose upper left cell is this one; at the square's edge, those there are.
+    pub fn corners(&self, cell: usize) -> [usize; 4] {
+        let stride = self.stride();
+        [cell, cell + 1, cell + stride, cell + stride + 1].map(|corner| corner.min(self.len() - 1))
+    }
+
+    /// From what lumps gave at each cell to what each cell has.
     #[inline(always)]
     fn collect(&self, corners: &[Corners], buffer: &mut [f32]) {
         let stride = self.stride();
-        let sum = |[a, b]: &Corners, corner: usize| a[corner] + b[corner];
         for row in 0..stride {
             let target = &mut buffer[row * stride..][..stride];
             let here = &corners[row * stride..][..stride];
             for (target, here) in target.iter_mut().zip(here) {
-                *target = sum(here, 0);
+                *target = here[0];
             }
             for (target, left) in target[1..].iter_mut().zip(here) {
-                *target += sum(left, 1);
+                *target += left[1];
             }
             if row > 0 {
                 let above = &corners[(row - 1) * stride..][..stride];
                 for (target, above) in target.iter_mut().zip(above) {
-                    *target += sum(above, 2);
+                    *target += above[2];
                 }
                 for (target, above) in target[1..].iter_mut().zip(above) {
-                    *target += sum(above, 3);
+                    *target += above[3];
                 }
             }
         }
@@ -214,9 +221,10 @@ impl DepthMap {
 
     /// From gathered solid angle times opacity to Γ̄ of each face.
     ///
-    /// `corners` has [`len`](Self::len) entries. After, `buffer` holds the transmittance of each cell.
+    /// `corners` has [`len`](Self::len) entries. After, `buffer` holds the transmittance of each cell. Where there are surfaces, `far[face]`
+    /// is the distance of the first one.
     #[inline(always)]
-    pub fn finish(&self, corners: &[Corners], buffer: &mut Vec<f32>, gamma: &mut [f32]) {
+    pub fn finish(&self, corners: &[Corners], far: Option<&[f32]>, buffer: &mut Vec<f32>, gamma: &mut [f32]) {
         buffer.resize(self.len(), 0.0);
         self.collect(corners, buffer);
         if self.span == Span::Sphere {
@@ -228,10 +236,49 @@ impl DepthMap {
         exponentials(buffer);
         for (face, gamma) in gamma.iter_mut().enumerate() {
             let cells = &self.cells[self.first[face] as usize..self.first[face + 1] as usize];
-            // Shares add up to 1 to rounding only.
-            *gamma = cells.iter().map(|&(cell, share)| buffer[cell as usize] * share).sum::<f32>().min(1.0);
+            *gamma = match far {
+                None => mean(cells, buffer),
+                Some(far) => self.mean_of_kind(cells, far, face, buffer),
+            };
         }
     }
+
+    /// Γ̄ of a face over those of its cells that end as it does, at a surface or not at all.
+    ///
+    /// In a cell that ends otherwise, because its middle lies in a neighbour, other hair counts: all of it instead of that in front of
+    /// the surface, or the reverse.
+    #[inline(always)]
+    fn mean_of_kind(&self, cells: &[(u32, f32)], far: &[f32], face: usize, buffer: &[f32]) -> f32 {
+        let open = far[face] == f32::INFINITY;
+        let same = |cell: u32| (far[self.face[cell as usize] as usize] == f32::INFINITY) == open;
+        if cells.iter().all(|&(cell, _)| same(cell)) {
+            return mean(cells, buffer);
+        }
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for &(cell, share) in cells {
+            let share = if same(cell) { share } else { 0.0 };
+            sum += buffer[cell as usize] * share;
+            weight += share;
+        }
+        if weight > 0.0 { (sum / weight).min(1.0) } else { mean(cells, buffer) }
+    }
+}
+
+/// The mean over some cells, each with its share.
+#[inline(always)]
+fn mean(cells: &[(u32, f32)], buffer: &[f32]) -> f32 {
+    // Four sums: in one each addition would wait for the one before. Shares add up to 1 to rounding only.
+    let mut sums = [0.0_f32; 4];
+    let fours = cells.chunks_exact(4);
+    for (sum, &(cell, share)) in sums.iter_mut().zip(fours.remainder()) {
+        *sum = buffer[cell as usize] * share;
+    }
+    for four in fours {
+        for (sum, &(cell, share)) in sums.iter_mut().zip(four) {
+            *sum += buffer[cell as usize] * share;
+        }
+    }
+    ((sums[0] + sums[1]) + (sums[2] + sums[3])).min(1.0)
 }
 
 /// 1 / solid angle that each cell gathers from an even sky; 0 in the border.

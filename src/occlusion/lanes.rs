@@ -32,6 +32,8 @@ pub struct Node {
     pub extent: Lanes,
     /// The child as a rod: half the mean segment, which runs through the centroid,
     pub half: [Lanes; 3],
+    /// 1 / its square, infinite where it has no length,
+    pub inverse_half2: Lanes,
     /// and the distance within which all of its segments run beside that one, from end to end.
     pub thickness: Lanes,
     /// Σ width · length · opacity, times what makes the sine of the mean angle that of the mean (see `clusters`).
@@ -61,15 +63,17 @@ impl Block {
     }
 }
 
-/// Who looks, and how finely.
+/// Who looks, and how finely; `HEMISPHERE` is the kind of map, known to the compiler: each kind has its own way to the square.
 #[derive(Clone, Copy, Debug)]
-pub struct View {
+pub struct View<const HEMISPHERE: bool> {
     position: [f32; 3],
     /// Rows: the igloo's axes in render space.
     axes: [[f32; 3]; 3],
     grid: Grid,
     /// Square of the angular extent below which a child is a lump.
     limit2: f32,
+    /// 1 / that, infinite where it is 0.
+    inverse_limit2: f32,
     /// Square of the angular half length up to which a piece of hair is one lump.
     pub stride2: f32,
     /// Square of the angular width from which on a segment is a ribbon wider than its lumps.
@@ -78,11 +82,19 @@ pub struct View {
     crossing: f32,
 }
 
-/// A strand's piece is one lump up to this half length, in widths of a cell.
-const STRIDE: f32 = 1.0;
+/// A strand's piece is one lump up to this half length, in widths of a cell. Shorter pieces cost more, and the light between the
+/// lumps makes up for what is lost of gaps finer than a cell: at half of this the error is larger on all hair that was measured.
+const STRIDE: f32 = 1.5;
+
+/// The longest half length of one lump, in radians: on coarse maps, what its middle says of the whole would be wrong.
+const LONGEST: f32 = 0.4;
 
 /// A strand from this width on is a ribbon of several lumps across, in widths of a cell.
 const WIDE: f32 = 0.75;
+
+/// How much steeper the sides of the tent are for a lump of no extent than for the largest; the tent blurs small ones more than need
+/// be. Without, the RMS error at the same cost is a quarter larger.
+const STEEPER: f32 = 0.75;
 
 /// The share of its distance that a child's radius must stay below for a lump, whatever its extent: no hair near the viewer is taken so.
 const CLEAR: f32 = 0.9;
@@ -96,7 +108,7 @@ pub struct Splat<const N: usize> {
     pub amount: [[f32; 4]; N],
 }
 
-impl View {
+impl<const HEMISPHERE: bool> View<HEMISPHERE> {
     /// `opening` is the largest angular extent of a lump, in radians.
     pub fn new(receiver: &Receiver, map: &DepthMap, opening: f32) -> Self {
         let cell = map.cell_width();
@@ -105,7 +117,8 @@ impl View {
             axes: receiver.frame.to_cols_array_2d(),
             grid: map.grid(),
             limit2: opening * opening,
-            stride2: (STRIDE * cell).powi(2),
+            inverse_limit2: 1.0 / (opening * opening),
+            stride2: (STRIDE * cell).min(LONGEST).powi(2),
             wide2: (WIDE * cell).powi(2),
             crossing: MEAN_CHORD / cell,
         }
@@ -119,7 +132,7 @@ impl View {
 
     /// A vector in the igloo's axes.
     #[inline(always)]
-    pub fn to_igloo(&self, v: Vec3) -> Vec3 {
+    pub fn in_igloo(&self, v: Vec3) -> Vec3 {
         Vec3::from_array(self.axes.map(|axis| axis[0] * v.x + axis[1] * v.y + axis[2] * v.z))
     }
 
@@ -130,7 +143,7 @@ impl View {
     fn square(&self, toward: [f32; 3]) -> (f32, f32) {
         let [x, y, z] = toward;
         let [x, y, z] = self.axes.map(|axis| axis[0] * x + axis[1] * y + axis[2] * z);
-        let (u, v) = if self.grid.hemisphere { hemisphere_square(x, y, z) } else { sphere_square(x, y, z) };
+        let (u, v) = if HEMISPHERE { hemisphere_square(x, y, z) } else { sphere_square(x, y, z) };
         let half = self.grid.half;
         (half + half * u + 1.0, half + half * v + 1.0)
     }
@@ -140,7 +153,7 @@ impl View {
     pub fn cells<const N: usize>(&self, toward: &[[f32; N]; 3]) -> [u32; N] {
         let last = 2.0 * self.grid.half + 1.999;
         // On a sphere nothing lies in the border but what rounding puts there.
-        let [low, high] = if self.grid.hemisphere { [0.0, last] } else { [1.0, last - 1.0] };
+        let [low, high] = if HEMISPHERE { [0.0, last] } else { [1.0, last - 1.0] };
         let mut cells = [0; N];
         for lane in 0..N {
             let (x, y) = self.square([toward[0][lane], toward[1][lane], toward[2][lane]]);
@@ -156,9 +169,14 @@ impl View {
         row as u32 * self.grid.stride + column as u32
     }
 
-    /// Spreads lumps in the given directions over four cells each.
+    /// Spreads lumps in the given directions over four cells each: by a tent, or by one of steeper sides around a flat top.
     #[inline(always)]
-    pub fn splat<const N: usize>(&self, toward: &[[f32; N]; 3], amount: &[f32; N]) -> Splat<N> {
+    pub fn splat<const N: usize>(
+        &self,
+        toward: &[[f32; N]; 3],
+        amount: &[f32; N],
+        steepness: Option<&[f32; N]>,
+    ) -> Splat<N> {
         let last = 2.0 * self.grid.half + 0.999;
         let mut splat = Splat { cell: [0; N], amount: [[0.0; 4]; N] };
         for lane in 0..N {
@@ -168,6 +186,8 @@ impl View {
             let inside = (x >= 0.0) & (x <= last) & (y >= 0.0) & (y <= last);
             let (x, y) = (between(0.0, x, last), between(0.0, y, last));
             let (fx, fy) = (x - x.trunc(), y - y.trunc());
+            let steep = |f: f32| steepness.map_or(f, |s| between(0.0, (f - 0.5) * s[lane] + 0.5, 1.0));
+            let (fx, fy) = (steep(fx), steep(fy));
             let amount = if inside { amount[lane] } else { 0.0 };
             let (left, right) = (amount - amount * fx, amount * fx);
             splat.amount[lane] = [left - left * fy, right - right * fy, left * fy, right * fy];
@@ -216,15 +236,18 @@ pub struct Division {
     /// Bits of lanes: one lump, and nearer or wider than lumps are for. The others are taken in
     pub one: u32,
     pub near: u32,
+    /// Bits of lanes that hold anything.
+    pub used: u32,
     /// this many lumps: 2, 4 or 8.
     pub lumps: [u32; LANES],
 }
 
 /// The lanes of a node: its far children as lumps, and how the others are taken.
 #[inline(always)]
-pub fn node(view: &View, node: &Node) -> (Splat<LANES>, Lanes, Division) {
+pub fn node<const HEMISPHERE: bool>(view: &View<HEMISPHERE>, node: &Node) -> (Splat<LANES>, Lanes, Division) {
     let mut toward = [[0.0; LANES]; 3];
     let [mut amount, mut distance2] = [[0.0; LANES]; 2];
+    let mut steepness = [1.0; LANES];
     let mut lumps = [0_u32; LANES];
     for lane in 0..LANES {
         let x = node.center[0][lane] - view.position[0];
@@ -245,7 +268,7 @@ pub fn node(view: &View, node: &Node) -> (Splat<LANES>, Lanes, Division) {
         amount[lane] = node.mass[lane] * sine * inverse;
         distance2[lane] = d2;
         let half = [node.half[0][lane], node.half[1][lane], node.half[2][lane]];
-        let (length2, nearest2) = rod([x, y, z], half);
+        let (length2, nearest2) = rod([x, y, z], half, |_| node.inverse_half2[lane]);
         let thickness = node.thickness[lane];
         let thin = thickness * thickness < view.limit2 * nearest2;
         let split = pieces(length2, view.limit2 * nearest2);
@@ -254,17 +277,20 @@ pub fn node(view: &View, node: &Node) -> (Splat<LANES>, Lanes, Division) {
         toward[0][lane] = x;
         toward[1][lane] = y;
         toward[2][lane] = z;
+        let steep = 1.0 + STEEPER * (1.0 - r2 * inverse * view.inverse_limit2);
+        steepness[lane] = if steep > 1.0 { steep } else { 1.0 };
     }
-    (view.splat(&toward, &amount), distance2, division(lumps, ALL))
+    keep(&mut amount, &lumps);
+    (view.splat(&toward, &amount, Some(&steepness)), distance2, division(lumps, ALL))
 }
 
 /// Squared half length of a rod, and squared distance from the origin to it; `center` and `half` relative to the origin.
 #[inline(always)]
-fn rod(center: [f32; 3], half: [f32; 3]) -> (f32, f32) {
+fn rod(center: [f32; 3], half: [f32; 3], inverse: impl Fn(f32) -> f32) -> (f32, f32) {
     let [x, y, z] = center;
     let [u, v, w] = half;
     let length2 = u * u + v * v + w * w;
-    let s = -(x * u + y * v + z * w) / length2;
+    let s = -(x * u + y * v + z * w) * inverse(length2);
     // Where the rod has no length, `s` is not a number.
     let s = if s > -1.0 { s } else { -1.0 };
     let s = if s < 1.0 { s } else { 1.0 };
@@ -273,7 +299,10 @@ fn rod(center: [f32; 3], half: [f32; 3]) -> (f32, f32) {
 }
 
 /// What stands for "near" among numbers of lumps.
-const NEAR: u32 = 16;
+pub const NEAR: u32 = 16;
+
+/// Added to a segment's number of lumps where it is of the receiver's own strand.
+pub const OWN: u32 = 32;
 
 /// In how many lumps a rod is taken, so that the half length of each is below the bound; both squared.
 #[inline(always)]
@@ -284,38 +313,78 @@ fn pieces(half_length2: f32, bound2: f32) -> u32 {
     if half_length2 < bound2 { 1 } else { count }
 }
 
+/// Leaves nothing of the lanes that have no 1.
 #[inline(always)]
-fn division(lumps: [u32; LANES], used: u32) -> Division {
-    let (mut one, mut near) = ([0; LANES], [0; LANES]);
+fn keep(amount: &mut Lanes, wanted: &[u32; LANES]) {
     for lane in 0..LANES {
-        one[lane] = u32::from(lumps[lane] == 1);
-        near[lane] = u32::from(lumps[lane] == NEAR);
+        amount[lane] = if wanted[lane] == 1 { amount[lane] } else { 0.0 };
     }
-    Division { one: mask(&one) & used, near: mask(&near) & used, lumps }
 }
 
-/// How a block's segments are taken; those of the strand `own` are always near.
 #[inline(always)]
-pub fn divide(view: &View, block: &Block, own: u32) -> Division {
+fn division(lumps: [u32; LANES], used: u32) -> Division {
+    Division { one: mask(&lumps, 1) & used, near: mask(&lumps, NEAR) & used, used, lumps }
+}
+
+/// The lanes of a block: its far segments as lumps, and how the others are taken; those of the strand `own` are all among the others.
+#[inline(always)]
+pub fn block<const HEMISPHERE: bool>(
+    view: &View<HEMISPHERE>,
+    block: &Block,
+    own: u32,
+) -> (Splat<LANES>, Lanes, Division) {
+    let mut toward = [[0.0; LANES]; 3];
+    let [mut amount, mut distance2] = [[0.0; LANES]; 2];
     let mut lumps = [0_u32; LANES];
-    let mut used = [0_u32; LANES];
     for lane in 0..LANES {
-        let (u, v, w) = (
-            0.5 * (block.b[0][lane] - block.a[0][lane]),
-            0.5 * (block.b[1][lane] - block.a[1][lane]),
-            0.5 * (block.b[2][lane] - block.a[2][lane]),
-        );
-        let x = block.a[0][lane] - view.position[0] + u;
-        let y = block.a[1][lane] - view.position[1] + v;
-        let z = block.a[2][lane] - view.position[2] + w;
-        let (length2, nearest2) = rod([x, y, z], [u, v, w]);
-        let width = 0.5 * (block.widths[0][lane] + block.widths[1][lane]);
-        let narrow = (width * width < view.wide2 * nearest2) & (block.strand[lane] != own);
+        let place = place(view, block, lane, 0.5);
+        let half = place.along.map(|u| 0.5 * u);
+        let (length2, nearest2) = rod(place.toward, half, |length2| 1.0 / length2);
+        let narrow = place.width * place.width < view.wide2 * nearest2;
         let split = pieces(length2, view.stride2 * nearest2);
-        lumps[lane] = if narrow { split } else { NEAR };
-        used[lane] = u32::from(block.segment[lane] != u32::MAX);
+        lumps[lane] = if narrow { split } else { NEAR } + if block.strand[lane] == own { OWN } else { 0 };
+        (amount[lane], distance2[lane]) = place.lump(view, block.opacity[lane], 1.0);
+        toward[0][lane] = place.toward[0];
+        toward[1][lane] = place.toward[1];
+        toward[2][lane] = place.toward[2];
     }
-    division(lumps, mask(&used))
+    keep(&mut amount, &lumps);
+    (view.splat(&toward, &amount, None), distance2, division(lumps, ALL & !mask(&block.segment, u32::MAX)))
+}
+
+/// A place on a segment.
+struct Place {
+    /// From the viewer.
+    toward: [f32; 3],
+    /// From one end of the segment to the other.
+    along: [f32; 3],
+    width: f32,
+}
+
+/// The place `s`, from 0 to 1, along a lane's segment.
+#[inline(always)]
+fn place<const HEMISPHERE: bool>(view: &View<HEMISPHERE>, block: &Block, lane: usize, s: f32) -> Place {
+    let (u, v, w) =
+        (block.b[0][lane] - block.a[0][lane], block.b[1][lane] - block.a[1][lane], block.b[2][lane] - block.a[2][lane]);
+    let x = block.a[0][lane] - view.position[0] + s * u;
+    let y = block.a[1][lane] - view.position[1] + s * v;
+    let z = block.a[2][lane] - view.position[2] + s * w;
+    let width = block.widths[0][lane] + s * (block.widths[1][lane] - block.widths[0][lane]);
+    Place { toward: [x, y, z], along: [u, v, w], width }
+}
+
+impl Place {
+    /// Amount and squared distance of the lump there of the part `share` of the segment.
+    #[inline(always)]
+    fn lump<const HEMISPHERE: bool>(&self, view: &View<HEMISPHERE>, opacity: f32, share: f32) -> (f32, f32) {
+        let ([x, y, z], [u, v, w]) = (self.toward, self.along);
+        let d2 = x * x + y * y + z * z;
+        let (p, q, r) = (v * z - w * y, w * x - u * z, u * y - v * x);
+        let inverse = 1.0 / d2;
+        let inverse_root = inverse.sqrt();
+        let solid_angle = self.width * share * (p * p + q * q + r * r).sqrt() * inverse * inverse_root;
+        (solid_angle * opacity * saturation(opacity * view.crossing * self.width * inverse_root), d2)
+    }
 }
 
 /// Sixteen rods of parallel hair, gathered from nodes.
@@ -329,7 +398,13 @@ pub struct Rods {
 
 /// One lump of each rod: its share `share` around the parameter `s`, from -1 to 1 along it.
 #[inline(always)]
-pub fn rod_lumps(view: &View, rods: &Rods, s: f32, share: f32) -> (Splat<LANES>, Lanes) {
+pub fn rod_lumps<const HEMISPHERE: bool>(
+    view: &View<HEMISPHERE>,
+    rods: &Rods,
+    s: f32,
+    share: f32,
+    wanted: &[u32; LANES],
+) -> (Splat<LANES>, Lanes) {
     let mut toward = [[0.0; LANES]; 3];
     let [mut amount, mut distance2] = [[0.0; LANES]; 2];
     for lane in 0..LANES {
@@ -351,37 +426,30 @@ pub fn rod_lumps(view: &View, rods: &Rods, s: f32, share: f32) -> (Splat<LANES>,
         toward[1][lane] = y;
         toward[2][lane] = z;
     }
-    (view.splat(&toward, &amount), distance2)
+    keep(&mut amount, wanted);
+    (view.splat(&toward, &amount, None), distance2)
 }
 
 /// One lump of each segment of a block: the part of length `share` around the parameter `s`, from 0 to 1 along it.
 #[inline(always)]
-pub fn block_lumps(view: &View, block: &Block, s: f32, share: f32) -> (Splat<LANES>, Lanes) {
+pub fn block_lumps<const HEMISPHERE: bool>(
+    view: &View<HEMISPHERE>,
+    block: &Block,
+    s: f32,
+    share: f32,
+    wanted: &[u32; LANES],
+) -> (Splat<LANES>, Lanes) {
     let mut toward = [[0.0; LANES]; 3];
     let [mut amount, mut distance2] = [[0.0; LANES]; 2];
     for lane in 0..LANES {
-        let (u, v, w) = (
-            block.b[0][lane] - block.a[0][lane],
-            block.b[1][lane] - block.a[1][lane],
-            block.b[2][lane] - block.a[2][lane],
-        );
-        let x = block.a[0][lane] - view.position[0] + s * u;
-        let y = block.a[1][lane] - view.position[1] + s * v;
-        let z = block.a[2][lane] - view.position[2] + s * w;
-        let d2 = x * x + y * y + z * z;
-        let (p, q, r) = (v * z - w * y, w * x - u * z, u * y - v * x);
-        let width = block.widths[0][lane] + s * (block.widths[1][lane] - block.widths[0][lane]);
-        let inverse = 1.0 / d2;
-        let inverse_root = inverse.sqrt();
-        let solid_angle = width * share * (p * p + q * q + r * r).sqrt() * inverse * inverse_root;
-        let opacity = block.opacity[lane];
-        amount[lane] = solid_angle * opacity * saturation(opacity * view.crossing * width * inverse_root);
-        distance2[lane] = d2;
-        toward[0][lane] = x;
-        toward[1][lane] = y;
-        toward[2][lane] = z;
+        let place = place(view, block, lane, s);
+        (amount[lane], distance2[lane]) = place.lump(view, block.opacity[lane], share);
+        toward[0][lane] = place.toward[0];
+        toward[1][lane] = place.toward[1];
+        toward[2][lane] = place.toward[2];
     }
-    (view.splat(&toward, &amount), distance2)
+    keep(&mut amount, wanted);
+    (view.splat(&toward, &amount, None), distance2)
 }
 
 /// -ln(1 - x) / x, to 1e-6 for x up to 1/2 and to 2e-3 for x up to 0.8, where a strand is nearly as wide as a cell.
@@ -396,9 +464,22 @@ pub fn saturation(x: f32) -> f32 {
     2.0 / (2.0 - x) * (1.0 + k2 * (1.0 / 3.0 + k2 * (1.0 / 5.0 + k2 * (1.0 / 7.0 + k2 * (1.0 / 9.0)))))
 }
 
+/// Bits of the lanes that hold this value.
 #[inline(always)]
-fn mask(set: &[u32; LANES]) -> u32 {
-    set.iter().enumerate().fold(0, |bits, (lane, set)| bits | set << lane)
+fn mask(lanes: &[u32; LANES], value: u32) -> u32 {
+    let mut set = [0_u8; LANES];
+    for lane in 0..LANES {
+        set[lane] = if lanes[lane] == value { 0xff } else { 0 };
+    }
+    // Compilers do not find the one instruction that gathers bits: they take the lanes one by one.
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_mm_loadu_si128, _mm_movemask_epi8};
+        // SAFETY: SSE2 is part of x86-64, and `set` has 16 bytes; the load need not be aligned.
+        unsafe { _mm_movemask_epi8(_mm_loadu_si128(set.as_ptr().cast())) as u32 }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    set.iter().enumerate().fold(0, |bits, (lane, set)| bits | u32::from(set & 1) << lane)
 }
 
 /// The bits that are set, lowest first.

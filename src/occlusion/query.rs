@@ -1,10 +1,10 @@
 //! Γ̄ of all faces from one point: the walk through the tree, compiled for what the processor can do.
 
-use super::Receiver;
 use super::clusters::ClusterTree;
 use super::depth_map::{Corners, DepthMap};
 use super::lanes::View;
-use super::walk::{Queues, Walk};
+use super::walk::{Lists, Queues, Walk};
+use super::{Receiver, Span};
 use crate::hair::HairModel;
 
 /// What the processor can do; all give the same bits.
@@ -39,6 +39,26 @@ impl Instructions {
     }
 }
 
+/// Where the first opaque surface ends what counts.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Far<'a> {
+    /// Its distance in each face.
+    pub faces: &'a [f32],
+    /// The square of it in each cell of the map,
+    pub cells: &'a [f32],
+    /// and in the four cells that a tent reaches from each.
+    pub corners: &'a [[f32; 4]],
+}
+
+impl Far<'_> {
+    /// What of a lump at a squared distance counts in each of its four cells.
+    #[inline(always)]
+    pub fn cut(&self, cell: usize, amount: &Corners, distance2: f32) -> Corners {
+        let far2 = &self.corners[cell];
+        std::array::from_fn(|corner| if distance2 < far2[corner] { amount[corner] } else { 0.0 })
+    }
+}
+
 /// Buffers that one thread keeps from point to point.
 #[derive(Debug)]
 pub struct Scratch {
@@ -46,7 +66,7 @@ pub struct Scratch {
     instructions: Instructions,
     /// Work done since it was made, in lanes of kernels.
     pub(super) work: u64,
-    pub(super) stack: Vec<(u32, u32)>,
+    pub(super) lists: Box<Lists>,
     /// Solid angle times opacity, where lumps gave it.
     pub(super) depth: Vec<Corners>,
     /// Solid angle of one wide ribbon in each cell; zero between ribbons.
@@ -55,6 +75,7 @@ pub struct Scratch {
     pub(super) queues: Box<Queues>,
     cells: Vec<f32>,
     far: Vec<f32>,
+    far_corners: Vec<Corners>,
 }
 
 impl Default for Scratch {
@@ -70,13 +91,14 @@ impl Scratch {
         Self {
             instructions: if has { instructions } else { Instructions::Baseline },
             work: 0,
-            stack: Vec::new(),
+            lists: Box::default(),
             depth: Vec::new(),
             layer: Vec::new(),
             touched: Vec::new(),
             queues: Box::default(),
             cells: Vec::new(),
             far: Vec::new(),
+            far_corners: Vec::new(),
         }
     }
 }
@@ -99,45 +121,56 @@ impl ClusterTree {
     ) {
         scratch.depth.clear();
         scratch.depth.resize(map.len(), Corners::default());
-        let mut cell_far = std::mem::take(&mut scratch.far);
+        let (mut cells, mut corners) = (std::mem::take(&mut scratch.far), std::mem::take(&mut scratch.far_corners));
         if let Some(far) = far {
-            cell_far.clear();
-            cell_far.extend(map.faces().iter().map(|&face| far[face as usize]));
+            cells.clear();
+            cells.extend(map.faces().iter().map(|&face| far[face as usize] * far[face as usize]));
+            corners.clear();
+            corners.extend((0..map.len()).map(|cell| map.corners(cell).map(|corner| cells[corner])));
         }
         // Emptying the map and summing it up cost about a lane for each two cells.
         scratch.work += map.len() as u64 / 2;
-        let view = View::new(receiver, map, opening);
-        let far = far.is_some().then_some(&cell_far[..]);
-        let walk = Walk { tree: self, receiver, map, view, far, model };
-        match scratch.instructions {
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: `Scratch::with_instructions` takes it only where the processor has it.
-            Instructions::Avx512 => unsafe { query_avx512(&walk, scratch, gamma) },
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: as above.
-            Instructions::Avx2 => unsafe { query_avx2(&walk, scratch, gamma) },
-            Instructions::Baseline => query(&walk, scratch, gamma),
+        let limits = far.map(|faces| Far { faces, cells: &cells, corners: &corners });
+        if map.span() == Span::Hemisphere {
+            let view = View::<true>::new(receiver, map, opening);
+            dispatch(&Walk { tree: self, receiver, map, view, far: limits, model }, scratch, gamma);
+        } else {
+            let view = View::<false>::new(receiver, map, opening);
+            dispatch(&Walk { tree: self, receiver, map, view, far: limits, model }, scratch, gamma);
         }
-        scratch.far = cell_far;
+        (scratch.far, scratch.far_corners) = (cells, corners);
+    }
+}
+
+/// Runs the code that is compiled for the scratch's instructions.
+fn dispatch<const HEMISPHERE: bool>(walk: &Walk<'_, HEMISPHERE>, scratch: &mut Scratch, gamma: &mut [f32]) {
+    match scratch.instructions {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: `Scratch::with_instructions` takes it only where the processor has it.
+        Instructions::Avx512 => unsafe { query_avx512(walk, scratch, gamma) },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: as above.
+        Instructions::Avx2 => unsafe { query_avx2(walk, scratch, gamma) },
+        Instructions::Baseline => query(walk, scratch, gamma),
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,bmi1,bmi2")]
-fn query_avx512(walk: &Walk<'_>, scratch: &mut Scratch, gamma: &mut [f32]) {
+fn query_avx512<const HEMISPHERE: bool>(walk: &Walk<'_, HEMISPHERE>, scratch: &mut Scratch, gamma: &mut [f32]) {
     query(walk, scratch, gamma);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2")]
-fn query_avx2(walk: &Walk<'_>, scratch: &mut Scratch, gamma: &mut [f32]) {
+fn query_avx2<const HEMISPHERE: bool>(walk: &Walk<'_, HEMISPHERE>, scratch: &mut Scratch, gamma: &mut [f32]) {
     query(walk, scratch, gamma);
 }
 
 #[inline(always)]
-fn query(walk: &Walk<'_>, scratch: &mut Scratch, gamma: &mut [f32]) {
+fn query<const HEMISPHERE: bool>(walk: &Walk<'_, HEMISPHERE>, scratch: &mut Scratch, gamma: &mut [f32]) {
     walk.run(scratch);
-    walk.map.finish(&scratch.depth, &mut scratch.cells, gamma);
+    walk.map.finish(&scratch.depth, walk.far.map(|far| far.faces), &mut scratch.cells, gamma);
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ use glam::Vec3;
 use super::DepthMap;
 use super::depth_map::Corners;
 use super::lanes::LANES;
+use super::query::Far;
 
 /// A segment in the igloo's frame, relative to the viewer.
 #[derive(Clone, Copy, Debug)]
@@ -33,7 +34,7 @@ const LEAST: f32 = 1e-38;
 
 /// Adds the ribbon's layer to all cells that it covers.
 #[inline(always)]
-pub fn cover(near: &Near, map: &DepthMap, far: Option<&[f32]>, depth: &mut [Corners]) {
+pub fn cover(near: &Near, map: &DepthMap, far: Option<Far>, depth: &mut [Corners]) {
     let side = near.foot.cross(near.axis);
     let h2 = near.foot.length_squared();
     let inverse_h = 1.0 / h2.sqrt();
@@ -72,8 +73,8 @@ pub fn cover(near: &Near, map: &DepthMap, far: Option<&[f32]>, depth: &mut [Corn
         }
         for lane in 0..LANES {
             let cell = chunk * LANES + lane;
-            if covered[lane] > 0.0 && far.is_none_or(|far| distance2[lane] < far[cell] * far[cell]) {
-                depth[cell][0][0] += amount[lane];
+            if covered[lane] > 0.0 && far.is_none_or(|far| distance2[lane] < far.cells[cell]) {
+                depth[cell][0] += amount[lane];
             }
         }
     }

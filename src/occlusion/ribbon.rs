@@ -13,7 +13,7 @@ use super::DepthMap;
 use super::depth_map::Corners;
 use super::lanes::{LANES, View, add, saturation};
 use super::layer::optical_depth;
-use super::query::Scratch;
+use super::query::{Far, Scratch};
 use super::raster;
 use crate::igloo::arctangent_unit;
 
@@ -23,8 +23,9 @@ const MOST_LUMPS: f32 = 720.0;
 /// Samples of a wide ribbon along a cell's width.
 const SAMPLES: f32 = 2.0;
 
-/// Samples for each cell of the map from which on all cells are looked at instead.
-const RASTER: f32 = 0.1;
+/// Width of a ribbon, in cells, from which on all cells of the map are looked at instead, if that is fewer than samples: the edges, over
+/// which a cell's coverage is taken to fall evenly, are then a small part of it.
+const RASTER: f32 = 4.0;
 
 /// Optical depth at which nothing gets through.
 const OPAQUE: f32 = 100.0;
@@ -79,7 +80,13 @@ impl Ribbon {
 
 /// Gathers a ribbon.
 #[inline(always)]
-pub fn gather(ribbon: &Ribbon, view: &View, map: &DepthMap, far: Option<&[f32]>, scratch: &mut Scratch) {
+pub fn gather<const HEMISPHERE: bool>(
+    ribbon: &Ribbon,
+    view: &View<HEMISPHERE>,
+    map: &DepthMap,
+    far: Option<Far>,
+    scratch: &mut Scratch,
+) {
     // Nothing nearer than the ribbon's own width counts; the width at the foot decides.
     let width = ribbon.width_at(ribbon.from.max(0.0).min(ribbon.to));
     let inner2 = width * width - ribbon.h2;
@@ -96,7 +103,13 @@ pub fn gather(ribbon: &Ribbon, view: &View, map: &DepthMap, far: Option<&[f32]>,
 }
 
 #[inline(always)]
-fn part(ribbon: &Ribbon, view: &View, map: &DepthMap, far: Option<&[f32]>, scratch: &mut Scratch) {
+fn part<const HEMISPHERE: bool>(
+    ribbon: &Ribbon,
+    view: &View<HEMISPHERE>,
+    map: &DepthMap,
+    far: Option<Far>,
+    scratch: &mut Scratch,
+) {
     if ribbon.to <= ribbon.from {
         return;
     }
@@ -114,9 +127,9 @@ fn part(ribbon: &Ribbon, view: &View, map: &DepthMap, far: Option<&[f32]>, scrat
     let apparent = 2.0 * half_angle(0.5 * width / h) * (ribbon.h2 / distance2).sqrt();
     let count = |angle: f32, most: f32| (SAMPLES * angle / map.cell_width()).ceil().clamp(1.0, most) as u32;
     let counts = [count(end - start, MOST_LUMPS), count(apparent, MOST_SLICES)];
-    if (counts[0] * counts[1]) as f32 > RASTER * map.len() as f32 {
+    if apparent > RASTER * map.cell_width() && counts[0] * counts[1] > map.len() as u32 / 2 {
         let Ribbon { from, to, width, taper, opacity, .. } = *ribbon;
-        let [foot, axis] = [ribbon.foot, ribbon.axis].map(|v| view.to_igloo(v));
+        let [foot, axis] = [ribbon.foot, ribbon.axis].map(|v| view.in_igloo(v));
         let near = raster::Near { foot, axis, from, to, width, taper, opacity };
         return raster::cover(&near, map, far, &mut scratch.depth);
     }
@@ -125,7 +138,14 @@ fn part(ribbon: &Ribbon, view: &View, map: &DepthMap, far: Option<&[f32]>, scrat
 
 /// A narrow ribbon: lumps along its middle. Its layer is that of the strand where it crosses a cell (see [`saturation`]).
 #[inline(always)]
-fn along(ribbon: &Ribbon, view: &View, range: [f32; 2], lumps: u32, far: Option<&[f32]>, depth: &mut [Corners]) {
+fn along<const HEMISPHERE: bool>(
+    ribbon: &Ribbon,
+    view: &View<HEMISPHERE>,
+    range: [f32; 2],
+    lumps: u32,
+    far: Option<Far>,
+    depth: &mut [Corners],
+) {
     let h = ribbon.h2.sqrt();
     let step = (range[1] - range[0]) / lumps as f32;
     let middle = 0.5 * (ribbon.from + ribbon.to);
@@ -162,12 +182,11 @@ fn along(ribbon: &Ribbon, view: &View, range: [f32; 2], lumps: u32, far: Option<
             toward[1][lane] = foot.y * c + ribbon.axis.y * s;
             toward[2][lane] = foot.z * c + ribbon.axis.z * s;
         }
-        let splat = view.splat(&toward, &amount);
-        for lane in 0..LANES.min((lumps - first) as usize) {
-            let cell = splat.cell[lane] as usize;
-            if far.is_none_or(|far| distance[lane] < far[cell]) {
-                add(&mut depth[cell][lane & 1], &splat.amount[lane]);
-            }
+        let splat = view.splat(&toward, &amount, None);
+        let used = LANES.min((lumps - first) as usize);
+        for ((&cell, amount), distance) in splat.cell.iter().zip(&splat.amount).zip(&distance).take(used) {
+            let amount = far.map_or(*amount, |far| far.cut(cell as usize, amount, distance * distance));
+            add(&mut depth[cell as usize], &amount);
         }
     }
 }
@@ -187,13 +206,13 @@ fn sine_cosine(x: f32) -> (f32, f32) {
 
 /// A wide ribbon: its coverage is summed in each cell, each sample in the cell where it lies, then it is one layer there.
 #[inline(always)]
-fn across(
+fn across<const HEMISPHERE: bool>(
     ribbon: &Ribbon,
-    view: &View,
+    view: &View<HEMISPHERE>,
     [start, end]: [f32; 2],
     [lumps, slices]: [u32; 2],
     map: &DepthMap,
-    far: Option<&[f32]>,
+    far: Option<Far>,
     scratch: &mut Scratch,
 ) {
     let h = ribbon.h2.sqrt();
@@ -238,7 +257,7 @@ fn across(
             let cells = view.cells(&toward);
             for lane in 0..used {
                 let cell = cells[lane] as usize;
-                if far.is_some_and(|far| distance2[lane] >= far[cell] * far[cell]) {
+                if far.is_some_and(|far| distance2[lane] >= far.cells[cell]) {
                     continue;
                 }
                 if layer[cell] == 0.0 {
@@ -253,7 +272,7 @@ fn across(
         let weight = map.weights()[cell as usize];
         // Nothing comes from the border: it is below the horizon.
         if weight > 0.0 {
-            depth[cell as usize][0][0] += optical_depth(covered * weight, ribbon.opacity).min(OPAQUE) / weight;
+            depth[cell as usize][0] += optical_depth(covered * weight, ribbon.opacity).min(OPAQUE) / weight;
         }
     }
 }
@@ -278,16 +297,20 @@ fn sine_difference(h2: f32, from: f32, to: f32) -> f32 {
     }
 }
 
-/// Half the angle about the axis under which a cylinder is seen whose radius is `x` times the distance of its axis.
+/// Half the angle about the axis under which a cylinder is seen whose radius is `x` times the distance of its axis: the arcsine of x.
+///
+/// Without a branch or a call, so that loops over it are vector code: Abramowitz and Stegun 4.4.46, to 1e-7, and a series where that
+/// is not good enough.
 #[inline(always)]
 fn half_angle(x: f32) -> f32 {
-    if x < 0.05 {
-        x * (1.0 + x * x * (1.0 / 6.0))
-    } else if x < 1.0 {
-        x.asin()
-    } else {
-        PI / 2.0
-    }
+    let x2 = x * x;
+    let small = x * (1.0 + x2 * (1.0 / 6.0 + x2 * (3.0 / 40.0)));
+    let y = if x < 1.0 { x } else { 1.0 };
+    let low = 0.5 * PI + y * (-0.214_598_8 + y * (0.088_978_99 + y * -0.050_174_305));
+    let high = 0.030_891_88 + y * (-0.017_088_126 + y * (0.006_670_09 + y * -0.001_262_491_1));
+    let y2 = y * y;
+    let large = 0.5 * PI - (1.0 - y).sqrt() * (low + y2 * y2 * high);
+    if x < 0.1 { small } else { large }
 }
 
 #[cfg(test)]

@@ -144,18 +144,14 @@ impl<Far: Fn(usize) -> f32> Walk<'_, Far> {
         };
         if t_near >= 0.0 {
             // Case 2.
-            self.rings(&line, 0);
+            self.rings(&line);
             return;
         }
         // Case 1. Beyond v_0 the line leads to the farther end, before it to the nearer one.
         let share = (-t_near / span).min(1.0);
         let inverse_depth = near.1 + (far.1 - near.1) * share;
         let middle = near.2 + (far.2 - near.2) * (share * far.1 / inverse_depth).min(1.0);
-        self.rings(
-            &Line { from: 0.0, ends: [middle, far.2], inverse_depths: [inverse_depth, far.1], ..line },
-            self.pieces.len(),
-        );
-        let others = self.pieces.len();
+        self.rings(&Line { from: 0.0, ends: [middle, far.2], inverse_depths: [inverse_depth, far.1], ..line });
         let back = Line {
             along: -along,
             from: 0.0,
@@ -164,13 +160,14 @@ impl<Far: Fn(usize) -> f32> Walk<'_, Far> {
             inverse_depths: [inverse_depth, near.1],
             ..line
         };
-        self.rings(&back, others);
+        self.rings(&back);
     }
 
     /// Goes outwards from circle to circle: on each side of v_0 each is met once at most, at t² = r_i² - |v_0|².
     ///
-    /// What falls into a face of one of the first `others` pieces is added to that.
-    fn rings(&mut self, line: &Line, others: usize) {
+    /// No face is met twice on the way, but maybe on that of a line before: what falls into such a one's piece is added to it.
+    fn rings(&mut self, line: &Line) {
+        let others = self.pieces.len();
         let last = self.ring_of(line.point(line.to));
         let mut ring = self.ring_of(line.point(line.from)).min(last);
         let mut here = line.cut(line.from);
@@ -435,6 +432,30 @@ mod tests {
         assert!(behind.is_empty());
         project(&igloo, &segment, &|_| 2.0, &mut behind);
         assert!(!behind.is_empty());
+    }
+
+    #[test]
+    fn the_parts_before_and_behind_the_width_are_one_piece_of_a_face() {
+        // Nearer than its width in the middle: two parts are left, and v_0 lies on neither.
+        let (a, b) = (Vec3::new(0.0, 0.827_952_5, 1e-7), Vec3::new(0.0, -1.952_075_7, 0.126_787_72));
+        for width in [0.495_714_72, 0.3, 0.1, 0.01] {
+            for (span, faces) in [(Span::Hemisphere, 1), (Span::Hemisphere, 2), (Span::Sphere, 2), (Span::Sphere, 7)] {
+                for (a, b) in [(a, b), (b, a)] {
+                    let igloo = Igloo::new(span, faces);
+                    let pieces = pieces(&igloo, a, b, [width; 2]);
+                    let mut met: Vec<u32> = pieces.iter().map(|piece| piece.face).collect();
+                    met.sort_unstable();
+                    met.dedup();
+                    assert_eq!(met.len(), pieces.len(), "{span:?}, {faces} faces, width {width}: {pieces:?}");
+                    // And nothing is lost: both parts are as long as the segment outside of a ball of its width.
+                    let axis = (b - a).normalize();
+                    let h2 = (a - axis * a.dot(axis)).length_squared();
+                    let want = a.distance(b) - 2.0 * (width * width - h2).max(0.0).sqrt();
+                    let length: f32 = pieces.iter().map(|piece| piece.length).sum();
+                    assert!((length / want - 1.0).abs() < 1e-4, "width {width}: {length}, not {want}");
+                }
+            }
+        }
     }
 
     fn check(span: Span, faces: u32, a: Vec3, b: Vec3, widths: [f32; 2]) -> Result<(), TestCaseError> {

@@ -2,21 +2,21 @@
 
 use super::clusters::ClusterTree;
 use super::depth_map::Corners;
-use super::lanes::{self, ALL, Block, LANES, Lanes, Node, Rods, Splat, View, bits, prefetch};
-use super::query::Scratch;
+use super::lanes::{self, ALL, Block, LANES, Lanes, NEAR, Node, OWN, Rods, Splat, View, bits, prefetch};
+use super::query::{Far, Scratch};
 use super::ribbon::{self, Ribbon};
-use super::segment::counted;
+use super::segment::{Parts, WHOLE, counted};
 use super::{DepthMap, Receiver};
 use crate::hair::HairModel;
 
 /// One query: what is the same on the whole way.
-pub struct Walk<'a> {
+pub struct Walk<'a, const HEMISPHERE: bool> {
     pub tree: &'a ClusterTree,
     pub receiver: &'a Receiver,
     pub map: &'a DepthMap,
-    pub view: View,
-    /// Distance of the first opaque surface in each cell of the map; none where there are no surfaces.
-    pub far: Option<&'a [f32]>,
+    pub view: View<HEMISPHERE>,
+    /// None where there are no surfaces.
+    pub far: Option<Far<'a>>,
     pub model: &'a HairModel,
 }
 
@@ -27,6 +27,59 @@ pub struct Queues {
     segments: [(usize, Block); 3],
 }
 
+/// What is left to do of a query.
+#[derive(Debug, Default)]
+pub struct Lists {
+    /// Nodes of a level that are looked at, and those of the level below or blocks.
+    here: List<u32>,
+    below: List<u32>,
+    /// Segments that are more than one lump, each with its number of lumps; numbered as lanes of blocks.
+    pieces: List<(u32, u32)>,
+}
+
+/// Things in a row, to which lanes are appended without a branch for each.
+#[derive(Debug, Default)]
+struct List<T> {
+    /// `len` things, then room.
+    room: Vec<T>,
+    len: usize,
+}
+
+impl<T: Copy + Default> List<T> {
+    fn clear(&mut self) {
+        self.len = 0;
+    }
+
+    fn items(&self) -> &[T] {
+        &self.room[..self.len]
+    }
+
+    /// Appends what `item` gives for the lanes of a mask.
+    #[inline(always)]
+    fn append(&mut self, mask: u32, item: impl Fn(usize) -> T) {
+        if self.room.len() < self.len + LANES {
+            self.room.resize(2 * self.len + LANES, T::default());
+        }
+        let room = &mut self.room[self.len..self.len + LANES];
+        let mut next = 0;
+        for lane in 0..LANES {
+            // Written in any case, and kept or written over.
+            room[next % LANES] = item(lane);
+            next += (mask >> lane & 1) as usize;
+        }
+        self.len += next;
+    }
+}
+
+/// A 1 for each of the first lanes.
+#[inline(always)]
+fn first(lanes: usize) -> [u32; LANES] {
+    std::array::from_fn(|lane| u32::from(lane < lanes))
+}
+
+/// How many nodes or blocks ahead memory is asked for.
+const AHEAD: usize = 4;
+
 /// Numbers of lumps, one a queue.
 const COUNTS: [u32; 3] = [2, 4, 8];
 
@@ -35,66 +88,77 @@ fn kind(lumps: u32) -> usize {
     lumps.trailing_zeros() as usize - 1
 }
 
-impl Walk<'_> {
+impl<const HEMISPHERE: bool> Walk<'_, HEMISPHERE> {
     /// Gathers all hair in `scratch.depth`.
+    ///
+    /// Level by level: what comes next is then known long before, so that the processor can read it and begin with it while it still
+    /// works on what comes first. For the same reason no branch depends on what a node turns out to hold.
     #[inline(always)]
     pub fn run(&self, scratch: &mut Scratch) {
         let tree = self.tree;
-        let Some(top) = tree.levels.len().checked_sub(1) else { return };
-        let mut queues = std::mem::take(&mut scratch.queues);
-        scratch.stack.clear();
-        scratch.stack.push((top as u32, 0));
-        let own = self.receiver.on.map_or(u32::MAX, |on| on.strand);
-        while let Some((level, index)) = scratch.stack.pop() {
-            let node = &tree.levels[level as usize][index as usize];
-            let (splat, distance2, division) = lanes::node(&self.view, node);
-            for lane in bits(division.near) {
-                let child = (index * LANES as u32 + lane) as usize;
-                if level == 0 {
-                    prefetch(&tree.blocks[child]);
-                } else {
-                    prefetch(&tree.levels[level as usize - 1][child]);
-                }
-            }
-            scratch.work += LANES as u64;
-            self.give(&splat, &distance2, division.one, &mut scratch.depth);
-            for lane in bits(ALL & !(division.one | division.near)) {
-                let lane = lane as usize;
-                let kind = kind(division.lumps[lane]);
-                scratch.work += u64::from(division.lumps[lane]);
-                self.queue_rod(node, lane, kind, &mut queues, &mut scratch.depth);
-            }
-            for lane in bits(division.near) {
-                let child = index * LANES as u32 + lane;
-                if level == 0 {
-                    self.block(&tree.blocks[child as usize], own, &mut queues, scratch);
-                } else {
-                    scratch.stack.push((level - 1, child));
-                }
-            }
+        if tree.levels.is_empty() {
+            return;
         }
+        let mut lists = std::mem::take(&mut scratch.lists);
+        let mut queues = std::mem::take(&mut scratch.queues);
+        let Lists { here, below, pieces } = &mut *lists;
+        here.clear();
+        here.append(1, |_| 0);
+        for nodes in tree.levels.iter().rev() {
+            below.clear();
+            self.level(nodes, here.items(), below, &mut queues, scratch);
+            std::mem::swap(here, below);
+        }
+        pieces.clear();
+        self.blocks(here.items(), pieces, scratch);
+        self.pieces(pieces.items(), &mut queues, scratch);
         for (kind, &count) in COUNTS.iter().enumerate() {
             let (waiting, rods) = &mut queues.rods[kind];
             self.give_rods(rods, count, std::mem::take(waiting), &mut scratch.depth);
             let (waiting, segments) = &mut queues.segments[kind];
-            self.give_segments(segments, count, (1 << std::mem::take(waiting)) - 1, &mut scratch.depth);
+            if *waiting > 0 {
+                self.give_segments(segments, count, &first(std::mem::take(waiting)), &mut scratch.depth);
+            }
         }
         scratch.queues = queues;
+        scratch.lists = lists;
+    }
+
+    /// Nodes of one level: far children as lumps, the others to `below`.
+    #[inline(always)]
+    fn level(&self, nodes: &[Node], list: &[u32], below: &mut List<u32>, queues: &mut Queues, scratch: &mut Scratch) {
+        scratch.work += (LANES * list.len()) as u64;
+        for &soon in &list[..AHEAD.min(list.len())] {
+            prefetch(&nodes[soon as usize]);
+        }
+        for (i, &index) in list.iter().enumerate() {
+            if let Some(&soon) = list.get(i + AHEAD) {
+                prefetch(&nodes[soon as usize]);
+            }
+            let node = &nodes[index as usize];
+            let (splat, distance2, division) = lanes::node(&self.view, node);
+            self.give(&splat, &distance2, &mut scratch.depth);
+            below.append(division.near, |lane| index * LANES as u32 + lane as u32);
+            for lane in bits(ALL & !(division.one | division.near)) {
+                let lane = lane as usize;
+                scratch.work += u64::from(division.lumps[lane]);
+                self.queue_rod(node, lane, kind(division.lumps[lane]), queues, &mut scratch.depth);
+            }
+        }
     }
 
     /// Adds lumps to their cells.
     #[inline(always)]
-    fn give(&self, splat: &Splat<LANES>, distance2: &Lanes, wanted: u32, depth: &mut [Corners]) {
-        for lane in bits(wanted) {
-            let lane = lane as usize;
-            let cell = splat.cell[lane] as usize;
-            if let Some(far) = self.far {
-                let far = far[cell];
-                if distance2[lane] >= far * far {
-                    continue;
-                }
+    fn give(&self, splat: &Splat<LANES>, distance2: &Lanes, depth: &mut [Corners]) {
+        let lumps = splat.cell.iter().zip(&splat.amount);
+        let Some(far) = self.far else {
+            for (&cell, amount) in lumps {
+                lanes::add(&mut depth[cell as usize], amount);
             }
-            lanes::add(&mut depth[cell][lane & 1], &splat.amount[lane]);
+            return;
+        };
+        for ((&cell, amount), &distance2) in lumps.zip(distance2) {
+            lanes::add(&mut depth[cell as usize], &far.cut(cell as usize, amount, distance2));
         }
     }
 
@@ -120,37 +184,64 @@ impl Walk<'_> {
     #[inline(always)]
     fn give_rods(&self, rods: &Rods, count: u32, waiting: usize, depth: &mut [Corners]) {
         let share = 1.0 / count as f32;
+        let wanted = first(waiting);
         for i in 0..if waiting > 0 { count } else { 0 } {
             let s = (2 * i + 1) as f32 * share - 1.0;
-            let (splat, distance2) = lanes::rod_lumps(&self.view, rods, s, share);
-            self.give(&splat, &distance2, (1 << waiting) - 1, depth);
+            let (splat, distance2) = lanes::rod_lumps(&self.view, rods, s, share, &wanted);
+            self.give(&splat, &distance2, depth);
         }
     }
 
+    /// The lanes of a block that `wanted` has a 1 for, each in `count` lumps.
     #[inline(always)]
-    fn give_segments(&self, block: &Block, count: u32, wanted: u32, depth: &mut [Corners]) {
+    fn give_segments(&self, block: &Block, count: u32, wanted: &[u32; LANES], depth: &mut [Corners]) {
         let share = 1.0 / count as f32;
-        for i in 0..if wanted != 0 { count } else { 0 } {
-            let (splat, distance2) = lanes::block_lumps(&self.view, block, (i as f32 + 0.5) * share, share);
-            self.give(&splat, &distance2, wanted, depth);
+        for i in 0..count {
+            let (splat, distance2) = lanes::block_lumps(&self.view, block, (i as f32 + 0.5) * share, share, wanted);
+            self.give(&splat, &distance2, depth);
         }
     }
 
+    /// Blocks: the segments that are one lump, the others to `pieces`.
     #[inline(always)]
-    fn block(&self, block: &Block, own: u32, queues: &mut Queues, scratch: &mut Scratch) {
-        let division = lanes::divide(&self.view, block, own);
-        // Two passes, and three for each near segment.
-        scratch.work += LANES as u64 * u64::from(2 + 3 * division.near.count_ones());
-        self.give_segments(block, 1, division.one, &mut scratch.depth);
-        for lane in bits(ALL & !(division.one | division.near)) {
-            let lane = lane as usize;
-            if block.segment[lane] != u32::MAX {
-                scratch.work += u64::from(division.lumps[lane]);
-                self.queue_segment(block, lane, kind(division.lumps[lane]), queues, &mut scratch.depth);
-            }
+    fn blocks(&self, list: &[u32], pieces: &mut List<(u32, u32)>, scratch: &mut Scratch) {
+        let blocks = &self.tree.blocks;
+        let own = self.receiver.on.map_or(u32::MAX, |on| on.strand);
+        // One long pass.
+        scratch.work += (3 * LANES / 2 * list.len()) as u64;
+        for &soon in &list[..AHEAD.min(list.len())] {
+            prefetch(&blocks[soon as usize]);
         }
-        for lane in bits(division.near) {
-            self.near_segment(block, lane as usize, scratch);
+        for (i, &index) in list.iter().enumerate() {
+            if let Some(&soon) = list.get(i + AHEAD) {
+                prefetch(&blocks[soon as usize]);
+            }
+            let block = &blocks[index as usize];
+            let (splat, distance2, division) = lanes::block(&self.view, block, own);
+            self.give(&splat, &distance2, &mut scratch.depth);
+            let rest = !division.one & division.used;
+            pieces.append(rest, |lane| (index * LANES as u32 + lane as u32, division.lumps[lane]));
+        }
+    }
+
+    /// Segments that are more than one lump.
+    #[inline(always)]
+    fn pieces(&self, list: &[(u32, u32)], queues: &mut Queues, scratch: &mut Scratch) {
+        for &(place, lumps) in list {
+            let block = &self.tree.blocks[(place / LANES as u32) as usize];
+            let lane = (place % LANES as u32) as usize;
+            // Of its own strand the model has to be asked what counts, and its next segments are seen nearly end-on, where lumps are wrong.
+            let (own, lumps) = (lumps & OWN != 0, lumps & !OWN);
+            let parts = if own { counted(self.model, self.receiver, block.segment[lane] as usize) } else { WHOLE };
+            let near = lumps == NEAR || own && lumps > 1;
+            let lumps = lumps.max(COUNTS[0]);
+            if near || parts != WHOLE {
+                scratch.work += 3 * LANES as u64;
+                self.near_segment(block, lane, parts, scratch);
+            } else {
+                scratch.work += u64::from(lumps);
+                self.queue_segment(block, lane, kind(lumps), queues, &mut scratch.depth);
+            }
         }
     }
 
@@ -169,15 +260,14 @@ impl Walk<'_> {
         *waiting += 1;
         if *waiting == LANES {
             *waiting = 0;
-            self.give_segments(queue, COUNTS[kind], ALL, depth);
+            self.give_segments(queue, COUNTS[kind], &first(LANES), depth);
         }
     }
 
     #[inline(always)]
-    fn near_segment(&self, block: &Block, lane: usize, scratch: &mut Scratch) {
+    fn near_segment(&self, block: &Block, lane: usize, parts: Parts, scratch: &mut Scratch) {
         let [a, b] = block.ends(lane).map(|end| end - self.receiver.position);
         let widths = [block.widths[0][lane], block.widths[1][lane]];
-        let parts = counted(self.model, self.receiver, block.segment[lane] as usize);
         for [from, to] in parts.into_iter().flatten() {
             let ribbon = Ribbon::new(a, b, widths, [from, to], block.opacity[lane]);
             if let Some(ribbon) = ribbon {

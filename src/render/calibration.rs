@@ -95,8 +95,10 @@ pub fn settle(lighting: &mut Lighting<'_>, progress: &dyn Progress) -> Result<Op
     let estimator = match (settled.estimator, lighting.take_estimator()) {
         ("igloo", Estimator::Projected { tree, sphere, hemisphere }) => {
             let [on_hair, on_surface] = lighting.igloos();
-            let fine = |found: Option<Found>, igloo: &Igloo, usual: Fine| {
-                found.and_then(|found| found.projection).map_or(usual, |found| Fine::new(found.fineness(), igloo))
+            let fine = |found: Option<Found>, igloo: &Igloo, usual: Box<Fine>| {
+                found
+                    .and_then(|found| found.projection)
+                    .map_or(usual, |found| Box::new(Fine::new(found.fineness(), igloo)))
             };
             let (sphere, hemisphere) = (fine(hair, on_hair, sphere), fine(surface, on_surface, hemisphere));
             Estimator::Projected { tree, sphere, hemisphere }

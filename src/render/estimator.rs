@@ -15,7 +15,7 @@ pub enum Estimator {
     /// Hair blocks nothing.
     Free,
     /// By projection, far hair in clusters: how finely on the sphere around hair and on a surface's hemisphere.
-    Projected { tree: ClusterTree, sphere: Fine, hemisphere: Fine },
+    Projected { tree: ClusterTree, sphere: Box<Fine>, hemisphere: Box<Fine> },
     /// By projection, segment by segment: the paper's own ways.
     Segments { segments: ThinnedSegments, thinning: Thinning, projection: Projection },
     /// By rays, on hair and on surfaces.
@@ -88,8 +88,9 @@ impl Estimator {
             OcclusionMode::Igloo | OcclusionMode::Auto => {
                 let rule = transmittance_rule(scene);
                 let opening = settings.opening.filter(|_| settings.mode == OcclusionMode::Igloo).map(|o| o as f32);
-                let fine =
-                    |igloo: &Igloo| Fine::new(Fineness::for_faces(igloo.span(), settings.face_count(), opening), igloo);
+                let fine = |igloo: &Igloo| {
+                    Box::new(Fine::new(Fineness::for_faces(igloo.span(), settings.face_count(), opening), igloo))
+                };
                 let (sphere, hemisphere) = (fine(sphere), fine(hemisphere));
                 Self::Projected { tree: ClusterTree::build(&scene.hair, rule), sphere, hemisphere }
             }
@@ -131,7 +132,7 @@ impl Estimator {
         match self {
             Self::Free => gamma.fill(1.0),
             Self::Projected { tree, sphere, hemisphere } => {
-                let Fine { map, opening } = if igloo.span() == Span::Sphere { sphere } else { hemisphere };
+                let Fine { map, opening } = if igloo.span() == Span::Sphere { &**sphere } else { &**hemisphere };
                 let far = (!open).then_some(far);
                 tree.transmittances(model, receiver, map, *opening, far, gamma, &mut space.clusters);
             }

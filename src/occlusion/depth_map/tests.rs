@@ -4,23 +4,50 @@ use glam::Mat3;
 
 use super::*;
 use crate::occlusion::Receiver;
-use crate::occlusion::lanes::{LANES, View};
+use crate::occlusion::lanes::{LANES, Splat, View, add};
 use crate::occlusion::testing::{direction as random_direction, rotation};
 
 const SPANS: [Span; 2] = [Span::Sphere, Span::Hemisphere];
+
+/// Of tents: the plain one, the same in another way, and the steepest that nodes give.
+const STEEPNESSES: [Option<f32>; 3] = [None, Some(1.0), Some(1.75)];
 
 fn whole(span: Span) -> f64 {
     if span == Span::Sphere { 4.0 * PI } else { 2.0 * PI }
 }
 
-fn view(map: &DepthMap, frame: Mat3) -> View {
+fn view<const HEMISPHERE: bool>(map: &DepthMap, frame: Mat3) -> View<HEMISPHERE> {
     View::new(&Receiver { position: Vec3::ZERO, on: None, frame }, map, 0.1)
 }
 
+/// Lumps by the kernel for the map's kind, by tents this steep.
+fn splat<const N: usize>(
+    map: &DepthMap,
+    frame: Mat3,
+    toward: &[[f32; N]; 3],
+    amount: &[f32; N],
+    steepness: Option<f32>,
+) -> Splat<N> {
+    let steepness = steepness.map(|steepness| [steepness; N]);
+    match map.span {
+        Span::Sphere => view::<false>(map, frame).splat(toward, amount, steepness.as_ref()),
+        Span::Hemisphere => view::<true>(map, frame).splat(toward, amount, steepness.as_ref()),
+    }
+}
+
+/// The cell of a direction by the kernel for the map's kind.
+fn cell(map: &DepthMap, frame: Mat3, toward: [f32; 3]) -> u32 {
+    let toward = toward.map(|x| [x]);
+    let [cell] = match map.span {
+        Span::Sphere => view::<false>(map, frame).cells(&toward),
+        Span::Hemisphere => view::<true>(map, frame).cells(&toward),
+    };
+    cell
+}
+
 /// What lumps of these amounts in these directions give at each cell.
-fn splatted(map: &DepthMap, frame: Mat3, lumps: &[(Vec3, f32)]) -> Vec<Corners> {
+fn splatted(map: &DepthMap, frame: Mat3, lumps: &[(Vec3, f32)], steepness: Option<f32>) -> Vec<Corners> {
     let mut corners = vec![Corners::default(); map.len()];
-    let view = view(map, frame);
     for chunk in lumps.chunks(LANES) {
         let mut toward = [[0.0; LANES]; 3];
         let mut amount = [0.0; LANES];
@@ -28,18 +55,18 @@ fn splatted(map: &DepthMap, frame: Mat3, lumps: &[(Vec3, f32)]) -> Vec<Corners> 
             (0..3).for_each(|axis| toward[axis][lane] = direction[axis]);
             amount[lane] = *lump;
         }
-        let splat = view.splat(&toward, &amount);
+        let splat = splat(map, frame, &toward, &amount, steepness);
         for lane in 0..chunk.len() {
-            crate::occlusion::lanes::add(&mut corners[splat.cell[lane] as usize][lane & 1], &splat.amount[lane]);
+            add(&mut corners[splat.cell[lane] as usize], &splat.amount[lane]);
         }
     }
     corners
 }
 
 /// The same, summed up in the cells.
-fn gathered(map: &DepthMap, frame: Mat3, lumps: &[(Vec3, f32)]) -> Vec<f32> {
+fn gathered(map: &DepthMap, frame: Mat3, lumps: &[(Vec3, f32)], steepness: Option<f32>) -> Vec<f32> {
     let mut cells = vec![0.0; map.len()];
-    map.collect(&splatted(map, frame, lumps), &mut cells);
+    map.collect(&splatted(map, frame, lumps, steepness), &mut cells);
     if map.span == Span::Sphere {
         fold(map.side, &mut cells);
     }
@@ -91,6 +118,7 @@ fn shares_of_each_face_add_up_to_1_and_faces_fill_the_cells() {
             for side in [4, 10, 32, 64] {
                 let map = DepthMap::new(&igloo, side);
                 let mut filled = vec![0.0; map.len()];
+                let mut largest = 0.0_f64;
                 for face in 0..igloo.len() {
                     let cells = &map.cells[map.first[face] as usize..map.first[face + 1] as usize];
                     let sum: f64 = cells.iter().map(|&(_, share)| f64::from(share)).sum();
@@ -99,13 +127,16 @@ fn shares_of_each_face_add_up_to_1_and_faces_fill_the_cells() {
                     assert!((sum - 1.0).abs() < rounding, "{span:?}, {faces} faces, {side}: {sum}");
                     for &(cell, share) in cells {
                         assert!(share > 0.0 && map.weight[cell as usize] > 0.0);
-                        filled[cell as usize] += f64::from(share * igloo.face_solid_angle());
+                        let part = f64::from(share * igloo.face_solid_angle());
+                        filled[cell as usize] += part;
+                        largest = largest.max(part);
                     }
                 }
                 // Each cell is filled as far as it is large, where faces hold enough samples to be as large as they should.
                 // Samples on the horizon all go to one side.
                 let samples = f64::from(map.side()).powi(2) * 64.0 / igloo.len() as f64;
-                let bound = 5.0 * samples.powf(-0.75) + 3.0 / (SAMPLES * map.side) as f64;
+                // Slivers of a cell are left out, of which it may have two.
+                let bound = 5.0 * samples.powf(-0.75) + 3.0 / (SAMPLES * map.side) as f64 + 2.0 * f64::from(SLIVER);
                 if samples < 300.0 {
                     continue;
                 }
@@ -118,6 +149,8 @@ fn shares_of_each_face_add_up_to_1_and_faces_fill_the_cells() {
                         })
                         .sum();
                     let share = filled[index(&map, place)] / size;
+                    // One sliver may be left out, as large a part as the cell is smaller than the largest.
+                    let bound = bound + f64::from(SLIVER) * largest / size;
                     assert!((share - 1.0).abs() < bound, "{span:?}, {faces} faces, {side}, {place:?}: {share}");
                 }
             }
@@ -131,13 +164,12 @@ fn the_cell_of_a_direction_is_the_one_that_it_lies_in() {
         let igloo = Igloo::new(span, 100);
         for side in [4, 10, 32, 64, 256] {
             let map = DepthMap::new(&igloo, side);
-            let view = view(&map, Mat3::IDENTITY);
             for place in inside(&map) {
                 for (x, y) in [(0.5, 0.5), (0.01, 0.3), (0.99, 0.6), (0.2, 0.01), (0.7, 0.99)] {
                     let (toward, _) = direction(span, map.side, place.0, place.1, x, y);
                     let want = index(&map, place) as u32;
                     assert_eq!(map.cell_of(toward), want, "{span:?} {side}: {toward:?}");
-                    let [cell] = view.cells(&toward.to_array().map(|x| [x]));
+                    let cell = cell(&map, Mat3::IDENTITY, toward.to_array());
                     assert_eq!(cell, want, "{span:?} {side}: {toward:?} by kernel");
                     // And back: the middle's direction is not farther than the cell is wide. The largest are √3 times the mean.
                     let (middle, _) = direction(span, map.side, place.0, place.1, 0.5, 0.5);
@@ -156,12 +188,11 @@ fn lengths_and_frames_of_directions_do_not_matter() {
         let map = DepthMap::new(&Igloo::new(span, 100), 32);
         for key in 0..2_000 {
             let frame = rotation(&[1, key]);
-            let (view, straight) = (view(&map, frame), view(&map, Mat3::IDENTITY));
             let direction = random_direction(&[2, key]);
-            let place = |view: &View, d: Vec3| view.splat(&d.to_array().map(|x| [x]), &[1.0]);
-            let want = place(&straight, direction);
+            let place = |frame: Mat3, d: Vec3| splat(&map, frame, &d.to_array().map(|x| [x]), &[1.0], None);
+            let want = place(Mat3::IDENTITY, direction);
             for length in [1e-9, 0.3, 1.0, 7e8] {
-                let got = place(&view, frame * direction * length);
+                let got = place(frame, frame * direction * length);
                 // On the border between two cells' middles rounding decides: then hardly anything falls on either side.
                 if got.cell == want.cell {
                     for (got, want) in got.amount[0].iter().zip(&want.amount[0]) {
@@ -198,9 +229,9 @@ fn an_even_sky_gives_an_even_depth() {
         let lumps = lattice(400_000, if span == Span::Sphere { -1.0 } else { -0.8 });
         for frame in [Mat3::IDENTITY, rotation(&[3])] {
             let turned: Vec<(Vec3, f32)> = lumps.iter().map(|&(d, amount)| (frame * d, amount)).collect();
-            for side in [8, 14, 32] {
+            for (side, steepness) in [8, 14, 32].into_iter().flat_map(|side| STEEPNESSES.map(|s| (side, s))) {
                 let map = DepthMap::new(&Igloo::new(span, 100), side);
-                let cells = gathered(&map, frame, &turned);
+                let cells = gathered(&map, frame, &turned, steepness);
                 let (mut border, mut middle) = (0.0_f32, 0.0_f32);
                 for place in inside(&map) {
                     let cell = index(&map, place);
@@ -209,8 +240,14 @@ fn an_even_sky_gives_an_even_depth() {
                     let at_border = [place.0, place.1].iter().any(|&k| k == 0 || k == last);
                     if at_border { border = border.max(off) } else { middle = middle.max(off) }
                 }
-                println!("{span:?}, {side}: {middle:.5} inside, {border:.5} at the border");
-                assert!(middle < 0.01 && border < 0.01, "{span:?}, {side}: {middle} inside, {border} at the border");
+                println!("{span:?}, {side}, steepness {steepness:?}: {middle:.5} inside, {border:.5} at the border");
+                // A cell's weight is that of the plain tent. A steeper one gathers less from beside the cell, which is not the same
+                // where the solid angle has a crease, at the octahedron's edges: measured .045 with 8 cells, .015 with 32.
+                let steep = if steepness == Some(1.75) { 0.36 / side as f32 } else { 0.0 };
+                assert!(
+                    middle.max(border) < 0.01 + steep,
+                    "{span:?}, {side}, {steepness:?}: {middle} inside, {border} at the border"
+                );
             }
         }
     }
@@ -219,11 +256,11 @@ fn an_even_sky_gives_an_even_depth() {
 #[test]
 fn nothing_is_lost_on_the_sphere() {
     let frame = rotation(&[4]);
-    for side in [4, 6, 16, 64] {
+    for (side, steepness) in [4, 6, 16, 64].into_iter().flat_map(|side| STEEPNESSES.map(|s| (side, s))) {
         let map = DepthMap::new(&Igloo::new(Span::Sphere, 100), side);
         let lumps: Vec<(Vec3, f32)> = (0..10_000).map(|i| (random_direction(&[5, i]), 1.0 + (i % 7) as f32)).collect();
         let sum = |cells: &[f32]| cells.iter().map(|&x| f64::from(x)).sum::<f64>();
-        let cells = gathered(&map, frame, &lumps);
+        let cells = gathered(&map, frame, &lumps, steepness);
         let want: f64 = lumps.iter().map(|&(_, amount)| f64::from(amount)).sum();
         // 10,000 lumps in a few cells: each addition rounds by 6e-8 of the cell at most.
         assert!((sum(&cells) / want - 1.0).abs() < 1e-5, "{side}: {} of {want}", sum(&cells));
@@ -239,7 +276,7 @@ fn a_lump_on_edges_corners_and_poles_is_spread_evenly() {
     // Everything that maps one octahedron on itself maps the cells on each other: equal amounts in as many cells as there are around.
     let map = DepthMap::new(&Igloo::new(Span::Sphere, 100), 10);
     let alone = |d: Vec3| {
-        let cells = gathered(&map, Mat3::IDENTITY, &[(d, 1.0)]);
+        let cells = gathered(&map, Mat3::IDENTITY, &[(d, 1.0)], None);
         assert!((cells.iter().sum::<f32>() - 1.0).abs() < 1e-6, "{d:?}");
         let mut given: Vec<f32> = cells.into_iter().filter(|&x| x > 1e-6).collect();
         given.sort_by(f32::total_cmp);
@@ -284,10 +321,9 @@ fn directions_that_are_none_fall_nowhere() {
     for span in SPANS {
         let map = DepthMap::new(&Igloo::new(span, 10), 12);
         for frame in [Mat3::IDENTITY, rotation(&[7])] {
-            let view = view(&map, frame);
-            for i in 0..odd.len().pow(3) {
+            for (i, steepness) in (0..odd.len().pow(3)).flat_map(|i| STEEPNESSES.map(|steepness| (i, steepness))) {
                 let d = [i, i / odd.len(), i / odd.len() / odd.len()].map(|k| odd[k % odd.len()]);
-                let splat = view.splat(&d.map(|x| [x]), &[2.0]);
+                let splat = splat(&map, frame, &d.map(|x| [x]), &[2.0], steepness);
                 assert!((splat.cell[0] as usize) + map.stride() + 1 < map.len(), "{d:?}: {splat:?}");
                 let sum: f32 = splat.amount[0].iter().sum();
                 assert!(splat.amount[0].iter().all(|&x| (0.0..=2.0).contains(&x)), "{d:?}: {splat:?}");
@@ -296,7 +332,7 @@ fn directions_that_are_none_fall_nowhere() {
                 if d.iter().any(|x| x.is_nan()) || d == [0.0; 3] {
                     assert_eq!(sum, 0.0, "{d:?}: {splat:?}");
                 }
-                let [cell] = view.cells(&d.map(|x| [x]));
+                let cell = cell(&map, frame, d);
                 assert!((cell as usize) < map.len(), "{d:?}: {cell}");
                 assert!((map.cell_of(Vec3::from_array(d)) as usize) < map.len(), "{d:?}");
             }
@@ -310,7 +346,7 @@ fn far_below_the_horizon_falls_nowhere() {
     for key in 0..1_000 {
         let d = random_direction(&[8, key]);
         // One border's cell is as high as two widths of a cell where they are largest.
-        let sum: f32 = gathered(&map, Mat3::IDENTITY, &[(d, 1.0)]).iter().sum();
+        let sum: f32 = gathered(&map, Mat3::IDENTITY, &[(d, 1.0)], None).iter().sum();
         if d.z > 0.0 {
             assert!((sum - 1.0).abs() < 1e-6, "{d:?}: {sum}");
         } else if d.z < -2.0 * map.cell_width() {
@@ -325,15 +361,15 @@ fn an_empty_map_lets_all_through_and_a_full_one_nothing() {
         let igloo = Igloo::new(span, 50);
         let map = DepthMap::new(&igloo, 12);
         let (mut buffer, mut gamma) = (Vec::new(), vec![0.0; igloo.len()]);
-        map.finish(&vec![Corners::default(); map.len()], &mut buffer, &mut gamma);
+        map.finish(&vec![Corners::default(); map.len()], None, &mut buffer, &mut gamma);
         // Shares add up to 1 to rounding, never to more.
         assert!(gamma.iter().all(|&gamma| (1.0 - 1e-6..=1.0).contains(&gamma)), "{gamma:?}");
-        map.finish(&vec![[[1e3; 4]; 2]; map.len()], &mut buffer, &mut gamma);
+        map.finish(&vec![[1e3; 4]; map.len()], None, &mut buffer, &mut gamma);
         assert!(gamma.iter().all(|&gamma| gamma == 0.0), "{gamma:?}");
         // An even depth of 1 gives 1/e in every face.
         let frame = Mat3::IDENTITY;
         let lumps = lattice(400_000, if span == Span::Sphere { -1.0 } else { -0.8 });
-        map.finish(&splatted(&map, frame, &lumps), &mut buffer, &mut gamma);
+        map.finish(&splatted(&map, frame, &lumps, None), None, &mut buffer, &mut gamma);
         assert!(gamma.iter().all(|gamma| (gamma * 1.0_f32.exp() - 1.0).abs() < 0.01), "{gamma:?}");
     }
 }

@@ -108,7 +108,7 @@ fn lumps_of_nodes_have_the_solid_angle_of_their_hair_times_opacity() {
     for (key, position) in positions().into_iter().enumerate() {
         let receiver = receiver(position, key as u32);
         for opening in [0.05, 0.3] {
-            let view = View::new(&receiver, &map, opening);
+            let view = View::<false>::new(&receiver, &map, opening);
             for node in tree.levels.iter().flatten() {
                 let (splat, distance2, division) = super::node(&view, node);
                 for (lane, amount) in splat.amount.iter().enumerate() {
@@ -121,11 +121,15 @@ fn lumps_of_nodes_have_the_solid_angle_of_their_hair_times_opacity() {
                         continue;
                     }
                     assert!((f64::from(distance2[lane]) / d.length_squared() - 1.0).abs() < 1e-6);
-                    // The sine is a root: its square is right to rounding.
-                    let scale = mass / d.length_squared();
-                    let want = sine2(&node.tensor, lane, d).max(0.0);
-                    let error = (got / scale).powi(2) - want;
-                    assert!(error.abs() < 4e-6, "{:e} against {want:e}", (got / scale).powi(2));
+                    if division.one >> lane & 1 == 1 {
+                        // The sine is a root: its square is right to rounding.
+                        let scale = mass / d.length_squared();
+                        let want = sine2(&node.tensor, lane, d).max(0.0);
+                        let error = (got / scale).powi(2) - want;
+                        assert!(error.abs() < 4e-6, "{:e} against {want:e}", (got / scale).powi(2));
+                    } else {
+                        assert_eq!(got, 0.0, "of what is no lump");
+                    }
                     // How it is taken, where rounding does not decide.
                     let opening = f64::from(opening);
                     let lump = (f64::from(node.extent[lane]) / (opening * d.length()))
@@ -167,11 +171,11 @@ fn a_rod_s_lumps_have_the_formula_s_amounts_and_sum_to_one_lump_of_it_far_away()
     let tree = ClusterTree::build(&model, Transmittance::Crossing);
     let map = map(16);
     for (key, position) in positions().into_iter().enumerate() {
-        let view = View::new(&receiver(position, key as u32), &map, 0.2);
+        let view = View::<false>::new(&receiver(position, key as u32), &map, 0.2);
         for node in tree.levels.iter().flatten() {
             let rods = Rods { center: node.center, half: node.half, mass: node.mass, tensor: node.tensor };
             for (s, share) in [(0.0, 1.0), (-0.5, 0.5), (0.75, 0.25), (0.125, 0.125)] {
-                let (splat, _) = rod_lumps(&view, &rods, s, share);
+                let (splat, _) = rod_lumps(&view, &rods, s, share, &[1; LANES]);
                 for lane in (0..LANES).filter(|&lane| node.mass[lane] > 0.0) {
                     let d = center(node, lane) + f64::from(s) * half(node, lane) - position.as_dvec3();
                     let got: f64 = splat.amount[lane].iter().map(|&x| f64::from(x)).sum();
@@ -200,12 +204,12 @@ fn ribbon(a: DVec3, b: DVec3, widths: [f64; 2]) -> f64 {
 
 #[test]
 fn lumps_of_segments_sum_to_the_solid_angle_of_the_ribbon() {
-    // Cells of .22 to .06 radians; a piece's half length is at most a cell, x. The midpoint rule is off by the second derivative of
+    // Cells of .22 to .06 radians; a piece's half length x is at most `STRIDE` cells. The midpoint rule is off by the second derivative of
     // h / r³ over the piece, which is at most 12 h / r⁵: (2x)² / 24 * 12 = 2 x² of it at most, at its nearest point; and, with the width
     // falling by a half, by 2 * 2/3 / (2x) * 3 * (2x)² / 24 = x / 3.
     for side in [16, 32, 64] {
         let map = map(side);
-        let view = View::new(&receiver(Vec3::ZERO, side), &map, 0.2);
+        let view = View::<false>::new(&receiver(Vec3::ZERO, side), &map, 0.2);
         let (mut counts, mut worst) = ([0; 4], 0.0_f64);
         for key in 0..4_000 {
             let mut block = Block::default();
@@ -220,15 +224,22 @@ fn lumps_of_segments_sum_to_the_solid_angle_of_the_ribbon() {
                 block.opacity[lane] = 0.01 + 0.9 * random(&[5, key, lane as u32]);
                 block.segment[lane] = lane as u32;
             }
-            let division = divide(&view, &block, u32::MAX);
+            let (lump, _, division) = super::block(&view, &block, u32::MAX);
             for (kind, lumps) in [1, 2, 4, 8].into_iter().enumerate() {
                 let mut sums = [0.0_f64; LANES];
+                let wanted = division.lumps.map(|count| u32::from(count == lumps));
                 for i in 0..lumps {
                     let share = 1.0 / lumps as f32;
-                    let (splat, _) = block_lumps(&view, &block, (i as f32 + 0.5) * share, share);
+                    let (splat, _) = block_lumps(&view, &block, (i as f32 + 0.5) * share, share, &wanted);
+                    if lumps == 1 {
+                        assert_eq!(splat, lump);
+                    }
                     for (sum, amount) in sums.iter_mut().zip(&splat.amount) {
                         *sum += amount.iter().map(|&x| f64::from(x)).sum::<f64>();
                     }
+                }
+                for lane in (0..LANES).filter(|&lane| wanted[lane] == 0) {
+                    assert_eq!(sums[lane], 0.0, "of what is not wanted");
                 }
                 for lane in (0..LANES).filter(|&lane| division.lumps[lane] == lumps) {
                     let [a, b] = block.ends(lane).map(Vec3::as_dvec3);
@@ -237,7 +248,7 @@ fn lumps_of_segments_sum_to_the_solid_angle_of_the_ribbon() {
                     let want = ribbon(a, b, [w0, w1]) * f64::from(block.opacity[lane]);
                     let nearest = rod_distance(0.5 * (a + b), 0.5 * (b - a));
                     let x = 0.5 * a.distance(b) / f64::from(lumps) / nearest;
-                    assert!(x < 1.001 * f64::from(map.cell_width()));
+                    assert!(x < 1.001 * f64::from(STRIDE * map.cell_width()));
                     let saturation = f64::from(view.crossing(1e-4 / nearest as f32));
                     let error = sums[lane] / want - 1.0;
                     assert!(
@@ -248,8 +259,11 @@ fn lumps_of_segments_sum_to_the_solid_angle_of_the_ribbon() {
                     counts[kind] += 1;
                 }
             }
-            // Among the near ones are those of the own strand, whatever their size.
-            assert_eq!(divide(&view, &block, 0).near, ALL);
+            // Those of the own strand are never lumps, whatever their size, but their number is known.
+            let (none, _, own) = super::block(&view, &block, 0);
+            assert_eq!((own.one, own.near, own.used), (0, 0, ALL));
+            assert_eq!(own.lumps, division.lumps.map(|lumps| lumps + OWN));
+            assert_eq!(none.amount, [[0.0; 4]; LANES]);
         }
         println!("{side}: {counts:?} in 1, 2, 4, 8 lumps, worst {worst:.4}");
         assert!(counts.iter().all(|&count| count > 20), "{counts:?}");
@@ -259,14 +273,14 @@ fn lumps_of_segments_sum_to_the_solid_angle_of_the_ribbon() {
 #[test]
 fn what_is_wider_than_a_part_of_a_cell_is_near() {
     let map = map(16);
-    let view = View::new(&receiver(Vec3::ZERO, 1), &map, 0.2);
+    let view = View::<false>::new(&receiver(Vec3::ZERO, 1), &map, 0.2);
     let wide = WIDE * map.cell_width();
     for (width, near) in [(0.99 * wide, 0), (1.01 * wide, 1)] {
         let mut block = Block { segment: [u32::MAX; LANES], strand: [7; LANES], ..Block::default() };
         (block.a[0][0], block.b[0][0], block.b[1][0]) = (1.0, 1.0, 0.01);
         (block.widths[0][0], block.widths[1][0], block.segment[0]) = (width, width, 3);
-        let division = divide(&view, &block, u32::MAX);
-        assert_eq!((division.near, division.one), (near, 1 - near), "{width}");
+        let (_, _, division) = super::block(&view, &block, u32::MAX);
+        assert_eq!((division.near, division.one, division.used), (near, 1 - near, 1), "{width}");
         // Lanes that hold no segment are taken neither way.
         assert_eq!((division.near | division.one) & !1, 0);
     }

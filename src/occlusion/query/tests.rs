@@ -50,7 +50,7 @@ fn gathered(tree: &ClusterTree, model: &HairModel, receiver: &Receiver, side: u3
     let (mut scratch, mut gamma) = (Scratch::default(), vec![0.0; igloo.len()]);
     tree.transmittances(model, receiver, &map, opening, None, &mut gamma, &mut scratch);
     assert!(gamma.iter().all(|gamma| (0.0..=1.0).contains(gamma)));
-    scratch.depth.iter().flatten().flatten().map(|&x| f64::from(x)).sum()
+    scratch.depth.iter().flatten().map(|&x| f64::from(x)).sum()
 }
 
 #[test]
@@ -87,7 +87,7 @@ fn ring(segments: u32, width: f32) -> HairModel {
 
 #[test]
 fn a_strand_counts_outside_of_the_excluded_arc_only() {
-    for (segments, width) in [(60, 0.003), (60, 0.02), (400, 0.02), (7, 0.01)] {
+    for (segments, width) in [(60, 0.003), (60, 0.02), (400, 0.02), (400, 0.003), (7, 0.01)] {
         let model = ring(segments, width);
         let tree = ClusterTree::build(&model, Transmittance::Crossing);
         let (mut worst, mut beside) = (0.0_f64, 0.0_f64);
@@ -105,8 +105,8 @@ fn a_strand_counts_outside_of_the_excluded_arc_only() {
             }
         }
         println!("{segments} segments {width} wide: worst {worst:.4}; beside it {beside:.3} of what another would see");
-        // Cells as wide as the ribbon lose nothing to the clamp of a cell's coverage.
-        assert!(worst < 0.002, "{segments} segments {width} wide: {worst}");
+        // Segments on the far side of the ring are one or two lumps each, by the midpoint rule: measured .0196.
+        assert!(worst < 0.025, "{segments} segments {width} wide: {worst}");
         assert!(beside < 0.6, "the exclusion hardly matters: {beside}");
     }
 }
@@ -128,8 +128,11 @@ fn a_far_surface_hides_what_is_behind_it_and_nothing_before() {
         let outside = receiver(3.0 * direction(&[6, key]), key);
         let all = seen(&outside, None);
         assert!(all.iter().any(|&gamma| gamma < 0.95));
-        assert_eq!(seen(&outside, Some(f32::INFINITY)), all);
-        assert_eq!(seen(&outside, Some(5.0)), all);
+        // With surfaces a face's mean is over the cells of its kind, divided by their shares' sum: that is 1 to rounding only.
+        for far in [f32::INFINITY, 5.0] {
+            let off = seen(&outside, Some(far)).iter().zip(&all).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert!(off < 1e-6, "{far}: off by {off:e}");
+        }
         assert!(seen(&outside, Some(1.4)).iter().all(|&gamma| gamma > 1.0 - 1e-6));
         let mut last = f64::INFINITY;
         for far in [1.4, 2.0, 2.5, 3.5, 5.0] {

@@ -18,13 +18,25 @@ struct Segment {
     widths: [f32; 2],
 }
 
+/// Gathers a ribbon by the kernel for the map's kind.
+fn give(ribbon: &Ribbon, map: &DepthMap, scratch: &mut Scratch) {
+    match map.span() {
+        Span::Sphere => gather(ribbon, &View::<false>::new(&receiver(), map, 0.2), map, None, scratch),
+        Span::Hemisphere => gather(ribbon, &View::<true>::new(&receiver(), map, 0.2), map, None, scratch),
+    }
+}
+
+/// Half length of a lump, in radians.
+fn lump(map: &DepthMap) -> f32 {
+    View::<false>::new(&receiver(), map, 0.2).stride2.sqrt()
+}
+
 /// The depths that a segment of this opacity gives.
 fn depths(segment: &Segment, map: &DepthMap, opacity: f32) -> Scratch {
     let mut scratch = Scratch::default();
     scratch.depth.resize(map.len(), Corners::default());
-    let view = View::new(&receiver(), map, 0.2);
     if let Some(ribbon) = Ribbon::new(segment.a, segment.b, segment.widths, [0.0, 1.0], opacity) {
-        gather(&ribbon, &view, map, None, &mut scratch);
+        give(&ribbon, map, &mut scratch);
     }
     scratch
 }
@@ -33,7 +45,7 @@ fn depths(segment: &Segment, map: &DepthMap, opacity: f32) -> Scratch {
 fn thin(segment: &Segment, map: &DepthMap) -> f64 {
     let opacity = 1e-4;
     let scratch = depths(segment, map, opacity);
-    let sum: f64 = scratch.depth.iter().flatten().flatten().map(|&x| f64::from(x)).sum();
+    let sum: f64 = scratch.depth.iter().flatten().map(|&x| f64::from(x)).sum();
     sum / f64::from(opacity)
 }
 
@@ -41,7 +53,7 @@ fn thin(segment: &Segment, map: &DepthMap) -> f64 {
 fn dark(segment: &Segment, map: &DepthMap, opacity: f32) -> f64 {
     let scratch = depths(segment, map, opacity);
     let (mut buffer, mut gamma) = (Vec::new(), Vec::new());
-    map.finish(&scratch.depth, &mut buffer, &mut gamma);
+    map.finish(&scratch.depth, None, &mut buffer, &mut gamma);
     let cells = buffer.iter().zip(map.weights()).filter(|(_, weight)| **weight > 0.0);
     cells.map(|(&transmittance, &weight)| (1.0 - f64::from(transmittance)) / f64::from(weight)).sum()
 }
@@ -129,7 +141,8 @@ fn errors(segments: &[Segment], map: &DepthMap, clear: f32) -> (f64, f64) {
 #[test]
 fn ribbons_cover_what_their_silhouette_covers() {
     // 400 x 400 samples in a box about the ribbon are off by 1/400 a border. Narrow ribbons of one width are in closed form. With a taper
-    // the width is that of a lump's middle: off by up to the lump's half length, a cell. Wide ones lose what their samples say too
+    // the width is that of a lump's middle: off by up to the lump's half length, as an angle from where it is nearest, and
+    // in the mean by its square, measured .06 of it. Wide ones lose what their samples say too
     // much in a cell, where coverage is clamped at 1: measured up to .13, and .05 in the mean.
     let cases: [(&str, Vec<Segment>, f64, f64); 4] = [
         ("narrow", segments(40, 1, 1.0, |_| [0.002; 2]), 0.005, 0.001),
@@ -142,8 +155,18 @@ fn ribbons_cover_what_their_silhouette_covers() {
         for (name, segments, bound, mean_bound) in &cases {
             let (worst, mean) = errors(segments, &map, 1.5);
             println!("{side} cells, {name}: worst {worst:.4}, mean {mean:+.4}");
-            let taper = if name.contains("tapered") { f64::from(map.cell_width()) } else { 0.0 };
-            assert!(worst < bound + taper && mean.abs() < *mean_bound, "{side} cells, {name}: {worst}, mean {mean}");
+            let (taper, mean_taper) = match *name {
+                "tapered" => {
+                    let half = f64::from(lump(&map)).tan();
+                    (half, 0.06 * half * half)
+                }
+                "wide and tapered" => (f64::from(map.cell_width()), 0.0),
+                _ => (0.0, 0.0),
+            };
+            assert!(
+                worst < bound + taper && mean.abs() < mean_bound + mean_taper,
+                "{side} cells, {name}: {worst}, mean {mean}"
+            );
         }
     }
 }
@@ -182,8 +205,10 @@ fn opaque_ribbons_keep_dark_what_they_cover() {
                 pairs.len(),
                 got / want - 1.0
             );
+            // With 16 cells some of the wide ones are narrower than `WIDE` cells: lumps, whose light in between comes on top.
+            let single = if side == 16 { 2.7 } else { 2.0 };
             assert!(
-                worst < 2.0 * bound && (got / want - 1.0).abs() < bound,
+                worst < single * bound && (got / want - 1.0).abs() < bound,
                 "{side} cells, {name}: {worst}, {got} of {want}"
             );
         }
@@ -219,8 +244,9 @@ fn ribbons_end_at_the_horizon() {
                 }
                 // All that is in the cells above the horizon.
                 let (got, want) = (dark(&segment, &map, 1e-3) / 1e-3, sampled(&segment, Span::Hemisphere, 400));
-                // Off by a part of the cell in which it crosses the horizon.
-                let cell = f64::from(map.cell_width() * width / nearest(&segment));
+                // Off by a part of the cell in which it crosses the horizon, or of the lump.
+                let part = if width < 0.01 { lump(&map) } else { map.cell_width() };
+                let cell = f64::from(part * width / nearest(&segment));
                 // A wide one loses what samples say too much in a cell.
                 let clamped = if width < 0.01 { 0.01 } else { 0.1 };
                 assert!((got - want).abs() < clamped * want + 0.75 * cell, "{segment:?}: {got} against {want}");
@@ -236,7 +262,6 @@ fn ribbons_end_at_the_horizon() {
 #[test]
 fn parts_of_a_ribbon_sum_to_the_whole() {
     let map = sphere(24);
-    let view = View::new(&receiver(), &map, 0.2);
     // Seen nearly end-on, a tapered ribbon is in one lump with the width of its middle: cut, the near end counts with its own.
     for segment in segments(200, 9, 1.0, |key| [0.001, 0.001 + 0.002 * random(&[10, key]) * (key & 1) as f32]) {
         let gathered = |ranges: &[[f32; 2]]| {
@@ -244,10 +269,10 @@ fn parts_of_a_ribbon_sum_to_the_whole() {
             scratch.depth.resize(map.len(), Corners::default());
             for &range in ranges {
                 if let Some(ribbon) = Ribbon::new(segment.a, segment.b, segment.widths, range, 1e-4) {
-                    gather(&ribbon, &view, &map, None, &mut scratch);
+                    give(&ribbon, &map, &mut scratch);
                 }
             }
-            scratch.depth.iter().flatten().flatten().map(|&x| f64::from(x)).sum::<f64>()
+            scratch.depth.iter().flatten().map(|&x| f64::from(x)).sum::<f64>()
         };
         let cut = random(&[11, segment.a.x.to_bits()]);
         let (whole, parts) = (gathered(&[[0.0, 1.0]]), gathered(&[[0.0, cut], [cut, 1.0]]));
@@ -294,19 +319,18 @@ fn check(segment: &Segment, range: [f32; 2], opacity: f32, finite: bool) -> Resu
     for span in [Span::Sphere, Span::Hemisphere] {
         let igloo = Igloo::new(span, 10);
         let map = DepthMap::new(&igloo, 8);
-        let view = View::new(&receiver(), &map, 0.2);
         let mut scratch = Scratch::default();
         scratch.depth.resize(map.len(), Corners::default());
         if let Some(ribbon) = Ribbon::new(segment.a, segment.b, segment.widths, range, opacity) {
-            gather(&ribbon, &view, &map, None, &mut scratch);
+            give(&ribbon, &map, &mut scratch);
         }
         if finite {
-            let sound = scratch.depth.iter().flatten().flatten().all(|&x| (0.0..1e4).contains(&x));
+            let sound = scratch.depth.iter().flatten().all(|&x| (0.0..1e4).contains(&x));
             prop_assert!(sound, "{:?} {:?}", segment, scratch.depth);
         }
         prop_assert!(scratch.layer.iter().all(|&x| x == 0.0), "a layer is left to the next ribbon");
         let (mut buffer, mut gamma) = (Vec::new(), vec![-1.0; igloo.len()]);
-        map.finish(&scratch.depth, &mut buffer, &mut gamma);
+        map.finish(&scratch.depth, None, &mut buffer, &mut gamma);
         prop_assert!(gamma.iter().all(|gamma| (0.0..=1.0).contains(gamma)), "{:?}: {:?}", segment, gamma);
     }
     Ok(())
