@@ -91,9 +91,7 @@ impl DepthMap {
             }
         }
         let home = home(self.span, side);
-        for cell in 0..self.face.len() {
-            self.face[cell] = self.face[home[cell] as usize];
-        }
+        self.face = home.iter().map(|&home| self.face[home as usize]).collect();
         for (face, list) in shares.iter_mut().enumerate() {
             if list.is_empty() {
                 // Faces smaller than the samples are apart: the cell that holds the face's middle.
