@@ -8,7 +8,9 @@ use rayon::prelude::*;
 use tress::embree::Device;
 use tress::hair::{Attribute, HairModel, Strands};
 use tress::occlusion::raytraced::Ray;
-use tress::occlusion::{Fineness, HairRays, Igloo, Receiver, Scratch, Span, Thinning, Transmittance};
+use tress::occlusion::{
+    ClusterTree, DepthMap, Fineness, HairRays, Igloo, Instructions, Receiver, Scratch, Span, Thinning, Transmittance,
+};
 use tress::surface::{SurfaceModel, Surfaces, primitives};
 
 const FACES: u32 = 100;
@@ -433,4 +435,32 @@ fn the_segment_length_rule_agrees_with_rays_where_segments_are_smaller_than_face
     let error = Difference::between(&Projector::new(&model, rule, &igloo, ALL).means(&receivers), &truth);
     println!("{error}");
     assert!(truth.iter().all(|gamma| *gamma < 0.995) && error.mean.abs() < 0.01, "{error}");
+}
+
+/// Whatever the processor can do, and whatever was asked before with the same buffers, a point has the same bits.
+#[test]
+fn all_instructions_give_the_same_bits() {
+    for style in [Style::Ball, Style::Clumps, Style::Curly] {
+        let model = grow(style, 4_000, 12, 0.006, 0.5);
+        let tree = ClusterTree::build(&model, Transmittance::Crossing);
+        for (receivers, span) in [(on_hair(&model, 24), Span::Sphere), (on_floor(-1.6, 12), Span::Hemisphere)] {
+            let igloo = Igloo::new(span, FACES);
+            let map = DepthMap::new(&igloo, 14);
+            let surfaces: Vec<f32> = (0..igloo.len()).map(|face| 0.2 + 0.1 * (face % 7) as f32).collect();
+            for far in [None, Some(&surfaces[..])] {
+                let value = |receiver: &Receiver, scratch: &mut Scratch| -> Vec<u32> {
+                    let mut gamma = vec![0.0; igloo.len()];
+                    tree.transmittances(&model, receiver, &map, 1.2 * map.cell_width(), far, &mut gamma, scratch);
+                    gamma.iter().map(|g| g.to_bits()).collect()
+                };
+                let fresh: Vec<_> = receivers.iter().map(|r| value(r, &mut Scratch::default())).collect();
+                for instructions in Instructions::available() {
+                    let mut scratch = Scratch::with_instructions(instructions);
+                    for (receiver, fresh) in receivers.iter().zip(&fresh).rev() {
+                        assert!(value(receiver, &mut scratch) == *fresh, "{style:?}, {instructions:?}");
+                    }
+                }
+            }
+        }
+    }
 }
