@@ -6,6 +6,7 @@ mod common;
 
 use common::models::*;
 use tress::hair::HairModel;
+use tress::occlusion::accuracy::USUAL_OPENING;
 use tress::occlusion::{Calibration, DepthMap, Fineness, Igloo, Receiver, Span};
 
 const FACES: u32 = 100;
@@ -36,13 +37,14 @@ fn line(found: &Calibration) -> String {
 
 #[test]
 fn the_claimed_error_is_that_of_other_points() {
-    // Bound: a root mean square over 48 points has a deviation of 10 % where errors are independent; they share the model's bias.
+    // Bound: a root mean square over 128 points has a deviation of 6 % where errors are independent and of one size. They share the
+    // model's bias, and opaque hair has few large ones, next to a strand, up to .03.
     for (name, model) in models(4_000, 10, 0.006) {
         let hair = Calibrated::new(&model);
         for (place, [found_on, others]) in [
-            ("hair", points(|n| on_hair(&model, n), 48)),
-            ("scalp", points(on_scalp, 48)),
-            ("floor", points(|n| on_floor(-1.6, n), 48)),
+            ("hair", points(|n| on_hair(&model, n), 128)),
+            ("scalp", points(on_scalp, 128)),
+            ("floor", points(|n| on_floor(-1.6, n), 128)),
         ] {
             let found = hair.find(&found_on, FACES, 0.01);
             let error = error(&hair, &others, found.fineness, 4096);
@@ -154,15 +156,17 @@ fn settings_for_faces_stay_within_the_map_s_limits() {
                 assert!((4.0..5.0).contains(&cells), "{faces}: {usual:?}");
             }
             let wider = Fineness::for_faces(span, faces, Some(2.0));
-            assert_eq!((wider.side, wider.opening), (usual.side, 2.0 * usual.opening));
+            let usual_opening = f64::from(usual.opening) / f64::from(USUAL_OPENING);
+            assert_eq!(wider.side, usual.side);
+            assert!((f64::from(wider.opening) - 2.0 * usual_opening).abs() < 1e-6, "{wider:?}, {usual:?}");
         }
         assert_eq!(last, 1024);
         let igloo = Igloo::new(span, 100);
         let usual = Fineness::for_faces(span, 100, None);
         let map = usual.map(&igloo);
         assert_eq!(map.side(), usual.side);
-        // The usual opening is one width of a face.
-        assert!((usual.angle(&map) / igloo.face_width() - 1.0).abs() < 1e-5, "{}", usual.angle(&map));
+        // The opening is in widths of a face.
+        assert!((usual.angle(&map) / igloo.face_width() / USUAL_OPENING - 1.0).abs() < 1e-5, "{}", usual.angle(&map));
         // A map asked for with any side is even and within the limits.
         for side in [0, 1, 5, 7, 33] {
             let map = DepthMap::new(&igloo, side);

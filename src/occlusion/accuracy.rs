@@ -20,18 +20,21 @@ pub struct Fineness {
     pub opening: f32,
 }
 
-/// Sides of maps that are tried, coarsest first; on a surface's hemisphere, where outlines of hair need them and they cost less, all of
-/// them, around hair the first [`SPHERE_SIDES`].
+/// Sides of maps that are tried, coarsest first. On a surface's hemisphere all of them, since outlines of hair need the finest and they
+/// cost less; around hair [`SPHERE_SIDES`] of them: with 8 cells a few points are far off, which a calibration may not have among its own.
 const SIDES: [u32; 17] = [8, 10, 12, 14, 16, 18, 20, 24, 28, 32, 40, 48, 56, 64, 80, 96, 128];
-const SPHERE_SIDES: usize = 14;
+const SPHERE_SIDES: std::ops::Range<usize> = 1..14;
 
 /// Openings that are tried, on the sphere around hair and on a surface's hemisphere. Outlines against the sky want larger lumps: there
 /// the light lost at the outline is more.
-const SPHERE_OPENINGS: [f32; 7] = [1.0, 1.1, 1.2, 1.35, 1.5, 1.75, 2.0];
+const SPHERE_OPENINGS: [f32; 6] = [1.0, 1.1, 1.2, 1.35, 1.5, 1.75];
 const HEMISPHERE_OPENINGS: [f32; 7] = [1.0, 1.15, 1.3, 1.5, 1.75, 2.1, 2.5];
 
+/// Where none is given, in widths of a face: between those that suit hair and surfaces best.
+pub const USUAL_OPENING: f32 = 0.85;
+
 /// What is kept of the accuracy asked for against the chance in the points of a calibration.
-const MARGIN: f64 = 0.85;
+const MARGIN: f64 = 0.75;
 
 impl Fineness {
     /// The map for an igloo.
@@ -50,7 +53,7 @@ impl Fineness {
     pub fn for_faces(span: Span, per_hemisphere: u32, opening: Option<f32>) -> Self {
         let side = (2.0 * f64::from(per_hemisphere).sqrt()).ceil() as u32;
         let cells_per_face = if span == Span::Sphere { 2.0_f32 } else { 4.0 };
-        let opening = opening.unwrap_or(0.75) * cells_per_face.sqrt();
+        let opening = opening.unwrap_or(USUAL_OPENING) * cells_per_face.sqrt();
         Self { side: side.clamp(4, super::depth_map::LARGEST_SIDE).div_ceil(2) * 2, opening }
     }
 }
@@ -115,9 +118,9 @@ pub struct Reference {
 const REFERENCE: u32 = 0x4341_4C49;
 
 impl Reference {
-    /// By enough rays to judge an accuracy: noise of half of it where Γ is as rough as it gets (deviation 1/4 a ray).
+    /// By enough rays to judge an accuracy: noise of a third of it where Γ is as rough as it gets (deviation 1/4 a ray).
     pub fn for_accuracy(rays: &HairRays, model: &HairModel, sites: &[Site], igloo: &Igloo, accuracy: f64) -> Self {
-        let count = 2.0 * (0.25 / accuracy).powi(2).clamp(128.0, 8192.0);
+        let count = 2.0 * (0.5 / accuracy).powi(2).clamp(512.0, 8192.0);
         Self::trace(rays, model, sites, igloo, count as u32)
     }
 
@@ -176,7 +179,7 @@ pub fn calibrate(
     accuracy: f64,
 ) -> Calibration {
     let (sides, openings) = match igloo.span() {
-        Span::Sphere => (&SIDES[..SPHERE_SIDES], &SPHERE_OPENINGS[..]),
+        Span::Sphere => (&SIDES[SPHERE_SIDES], &SPHERE_OPENINGS[..]),
         Span::Hemisphere => (&SIDES[..], &HEMISPHERE_OPENINGS[..]),
     };
     let mut best: Option<Calibration> = None;

@@ -204,7 +204,7 @@ fn ribbon(a: DVec3, b: DVec3, widths: [f64; 2]) -> f64 {
 
 #[test]
 fn lumps_of_segments_sum_to_the_solid_angle_of_the_ribbon() {
-    // Cells of .22 to .06 radians; a piece's half length x is at most `STRIDE` cells. The midpoint rule is off by the second derivative of
+    // Cells of .22 to .06 radians; a piece's half length x is at most the view's stride. The midpoint rule is off by the second derivative of
     // h / r³ over the piece, which is at most 12 h / r⁵: (2x)² / 24 * 12 = 2 x² of it at most, at its nearest point; and, with the width
     // falling by a half, by 2 * 2/3 / (2x) * 3 * (2x)² / 24 = x / 3.
     for side in [16, 32, 64] {
@@ -248,7 +248,7 @@ fn lumps_of_segments_sum_to_the_solid_angle_of_the_ribbon() {
                     let want = ribbon(a, b, [w0, w1]) * f64::from(block.opacity[lane]);
                     let nearest = rod_distance(0.5 * (a + b), 0.5 * (b - a));
                     let x = 0.5 * a.distance(b) / f64::from(lumps) / nearest;
-                    assert!(x < 1.001 * f64::from(STRIDE * map.cell_width()));
+                    assert!(x < 1.001 * f64::from(view.stride2.sqrt()));
                     let saturation = f64::from(view.crossing(1e-4 / nearest as f32));
                     let error = sums[lane] / want - 1.0;
                     assert!(
