@@ -78,7 +78,8 @@ fn projection_and_rays_agree_on_small_models() {
 fn projection_and_rays_agree() {
     let mut beyond = Vec::new();
     for (name, model) in models(50_000, 20, 0.003) {
-        beyond.extend(cross_check(&name, &model, &places(&model, 64, 32, -1.6, true), 4096));
+        // Many points: the errors have a long tail, next to a strand, which a few points show at random.
+        beyond.extend(cross_check(&name, &model, &places(&model, 128, 128, -1.6, true), 4096));
     }
     for transparency in [0.0, 0.356, 0.5] {
         if let Some(model) = yuksel_straight(transparency) {
@@ -169,7 +170,6 @@ fn sky_visibility_over_an_opaque_scalp_agrees_on_small_models() {
 }
 
 #[test]
-#[ignore = "fails: a calibration looks at hair alone; its few cells blur the border of the scalp, measured +.033 in half-transparent hair"]
 fn calibrated_settings_hold_over_an_opaque_scalp() {
     cross_check_over_scalp(models(10_000, 10, 0.006), 64, 5, true, 0.02);
 }
@@ -177,8 +177,7 @@ fn calibrated_settings_hold_over_an_opaque_scalp() {
 #[test]
 #[ignore = "slow: six models of a million segments, 4,000 rays a point"]
 fn sky_visibility_over_an_opaque_scalp_agrees() {
-    // Opaque clumps from the floor: measured -.0112, of which .009 is light lost between clumps.
-    cross_check_over_scalp(models(50_000, 20, 0.003), 128, 20, false, 0.0125);
+    cross_check_over_scalp(models(50_000, 20, 0.003), 128, 20, true, 0.0125);
 }
 
 /// Strands of different transparencies and tapering widths.
