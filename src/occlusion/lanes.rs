@@ -242,6 +242,19 @@ pub struct Division {
     pub lumps: [u32; LANES],
 }
 
+/// Root of the mean squared sine between a lane's hair and a direction; `inverse` is 1 over the direction's squared length.
+#[inline(always)]
+fn sine(tensor: &[Lanes; 6], lane: usize, [x, y, z]: [f32; 3], inverse: f32) -> f32 {
+    let [xx, yy, zz, xy, xz, yz] = tensor;
+    let along = x * x * xx[lane]
+        + y * y * yy[lane]
+        + z * z * zz[lane]
+        + 2.0 * (x * y * xy[lane] + x * z * xz[lane] + y * z * yz[lane]);
+    // Rounding may take it below zero.
+    let sine2 = 1.0 - along * inverse;
+    (if sine2 > 0.0 { sine2 } else { 0.0 }).sqrt()
+}
+
 /// The lanes of a node: its far children as lumps, and how the others are taken.
 #[inline(always)]
 pub fn node<const HEMISPHERE: bool>(view: &View<HEMISPHERE>, node: &Node) -> (Splat<LANES>, Lanes, Division) {
@@ -257,14 +270,7 @@ pub fn node<const HEMISPHERE: bool>(view: &View<HEMISPHERE>, node: &Node) -> (Sp
         let r2 = node.extent[lane] * node.extent[lane];
         let clear = node.radius[lane] * node.radius[lane] < CLEAR * CLEAR * d2;
         let inverse = 1.0 / d2;
-        let [xx, yy, zz, xy, xz, yz] = &node.tensor;
-        let along = x * x * xx[lane]
-            + y * y * yy[lane]
-            + z * z * zz[lane]
-            + 2.0 * (x * y * xy[lane] + x * z * xz[lane] + y * z * yz[lane]);
-        // Root of the mean squared sine between the hair and the direction; rounding may take it below zero.
-        let sine2 = 1.0 - along * inverse;
-        let sine = (if sine2 > 0.0 { sine2 } else { 0.0 }).sqrt();
+        let sine = sine(&node.tensor, lane, [x, y, z], inverse);
         amount[lane] = node.mass[lane] * sine * inverse;
         distance2[lane] = d2;
         let half = [node.half[0][lane], node.half[1][lane], node.half[2][lane]];
@@ -413,13 +419,7 @@ pub fn rod_lumps<const HEMISPHERE: bool>(
         let z = rods.center[2][lane] - view.position[2] + s * rods.half[2][lane];
         let d2 = x * x + y * y + z * z;
         let inverse = 1.0 / d2;
-        let [xx, yy, zz, xy, xz, yz] = &rods.tensor;
-        let along = x * x * xx[lane]
-            + y * y * yy[lane]
-            + z * z * zz[lane]
-            + 2.0 * (x * y * xy[lane] + x * z * xz[lane] + y * z * yz[lane]);
-        let sine2 = 1.0 - along * inverse;
-        let sine = (if sine2 > 0.0 { sine2 } else { 0.0 }).sqrt();
+        let sine = sine(&rods.tensor, lane, [x, y, z], inverse);
         amount[lane] = rods.mass[lane] * share * sine * inverse;
         distance2[lane] = d2;
         toward[0][lane] = x;
