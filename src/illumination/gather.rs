@@ -43,9 +43,12 @@ impl Illumination {
         Self { environment, direct, area, surfaces, coarse, coarse_means }
     }
 
-    /// The first surface along a ray with unit direction.
-    pub fn nearest(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
-        self.surfaces.as_ref()?.closest(origin, direction, 0.0, f32::INFINITY)
+    /// The first surfaces along rays of unit direction from one point: `take` gets the number of each ray, in order, and what it meets.
+    pub fn nearest(&self, origin: Vec3, directions: &[Vec3], mut take: impl FnMut(usize, Option<SurfacePoint>)) {
+        match &self.surfaces {
+            Some(surfaces) => surfaces.closest_from(origin, directions, take),
+            None => (0..directions.len()).for_each(|i| take(i, None)),
+        }
     }
 
     /// Whether no surface lies between a point and the distance `far`.

@@ -85,6 +85,7 @@ pub struct Workspace {
     far: Vec<f32>,
     gamma: Vec<f32>,
     hits: Vec<Option<SurfacePoint>>,
+    directions: Vec<Vec3>,
     means: Vec<Vec3>,
     /// The normal around which `means` was computed.
     means_normal: Vec3,
@@ -256,15 +257,18 @@ impl<'s> Lighting<'s> {
         space.far.resize(igloo.len(), f32::INFINITY);
         space.hits.clear();
         if self.effects.surfaces {
-            for face in 0..igloo.len() {
+            space.directions.clear();
+            space.directions.extend((0..igloo.len()).map(|face| {
                 let jitter = |axis| to_unit(hash(&[FACE, key, face as u32, axis]));
-                let direction = receiver.frame * igloo.direction(face, jitter(0), jitter(1));
-                let hit = self.light.nearest(receiver.position, direction);
+                receiver.frame * igloo.direction(face, jitter(0), jitter(1))
+            }));
+            let Workspace { far, hits, directions, .. } = space;
+            self.light.nearest(receiver.position, directions, |face, hit| {
                 if let Some(hit) = &hit {
-                    space.far[face] = hit.distance;
+                    far[face] = hit.distance;
                 }
-                space.hits.push(hit);
-            }
+                hits.push(hit);
+            });
         }
         space.clock.lambda += begin.elapsed();
     }
