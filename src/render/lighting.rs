@@ -154,7 +154,7 @@ impl<'s> Lighting<'s> {
         let in_directions = over_faces.with_highlight(narrow);
         let receiver = on_hair(sample);
         let mut lit = Lit { occlusion: 1.0, ..Lit::default() };
-        if self.arrives() {
+        if self.arrives() && self.scene.hair_objects[usize::from(object)].gather {
             self.look(&receiver, &self.sphere, key, space);
             self.occlude(&receiver, &self.sphere, key, space);
             let means = self.light.means();

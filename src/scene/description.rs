@@ -136,6 +136,8 @@ pub struct Hair {
     /// Sharpness of the highlight: the exponent of Kajiya and Kay, without unit.
     #[schemars(range(min = 1.0, max = 10000.0))]
     pub exponent: f64,
+    /// Whether light from all around reaches it: environment, area lights and surfaces. If not, point and directional lights alone light it, as in renderers without global illumination.
+    pub gather: bool,
 }
 
 impl Default for Hair {
@@ -152,6 +154,7 @@ impl Default for Hair {
             color: None,
             specular: [0.1; 3],
             exponent: 60.0,
+            gather: true,
         }
     }
 }

@@ -46,6 +46,8 @@ pub struct HairObject {
     pub specular: Vec3,
     /// Its exponent.
     pub exponent: f32,
+    /// Whether light from all around reaches it.
+    pub gather: bool,
 }
 
 /// Something that the scene file names cannot be used.
@@ -316,6 +318,7 @@ impl Loader<'_> {
             name: name.clone(),
             specular: vec3(description.specular),
             exponent: description.exponent as f32,
+            gather: description.gather,
         });
         if degenerate > 0 {
             self.notes.push(format!("{name}: {degenerate} segments without length are not drawn"));
