@@ -8,7 +8,8 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use super::{DirectLight, Environment, RectLight, lights::Incident};
+use super::photon::{self, Emitter};
+use super::{DirectLight, Environment, PhotonMap, RectLight, lights::Incident};
 use crate::hash::{hash, to_unit};
 use crate::igloo::{Igloo, Span, frame_around};
 use crate::surface::{SurfacePoint, Surfaces};
@@ -27,6 +28,8 @@ pub struct Illumination {
     /// The environment as its averages over a coarse igloo, for single rays from surfaces: less noise than its pixels.
     coarse: Igloo,
     coarse_means: Vec<Vec3>,
+    /// Light that surfaces have reflected more than once; none where only one reflection counts.
+    photons: Option<PhotonMap>,
 }
 
 impl Illumination {
@@ -40,7 +43,7 @@ impl Illumination {
     ) -> Self {
         let coarse = Igloo::new(Span::Sphere, faces);
         let coarse_means = environment.averages(&coarse);
-        Self { environment, direct, area, surfaces, coarse, coarse_means }
+        Self { environment, direct, area, surfaces, coarse, coarse_means, photons: None }
     }
 
     /// The first surface along a ray with unit direction.
@@ -72,8 +75,24 @@ impl Illumination {
         }
     }
 
-    /// Radiance that a surface sends back along the ray that met it, from point and directional lights, one sample of each area light
-    /// and one ray to the environment. Emission is not in it: area lights are sampled as lights.
+    /// Traces photons; nothing where none arrive, or too few for an estimate.
+    pub fn photon_map(
+        &self,
+        settings: &photon::Settings,
+        hair: &(impl Fn(Vec3, Vec3, f32) -> f32 + Sync),
+    ) -> Option<PhotonMap> {
+        let (surfaces, emitter) = (self.surfaces.as_ref()?, Emitter::new(self)?);
+        let photons = photon::trace(&emitter, surfaces, settings, hair);
+        PhotonMap::new(&photons, surfaces, settings.neighbours)
+    }
+
+    /// With a map [`Illumination::reflected`] counts light of any number of reflections.
+    pub fn set_photons(&mut self, photons: Option<PhotonMap>) {
+        self.photons = photons;
+    }
+
+    /// Radiance that a surface sends back along the ray that met it, from point and directional lights, one sample of each area light,
+    /// one ray to the environment, and the photons. Emission is not in it: area lights are sampled as lights.
     pub fn reflected(&self, point: &SurfacePoint, key: u32, hair: &impl Fn(Vec3, Vec3, f32) -> f32) -> Vec3 {
         if point.albedo == Vec3::ZERO {
             return Vec3::ZERO;
@@ -93,6 +112,9 @@ impl Illumination {
             }
         });
         irradiance += self.sky_sample(point, origin, key, hair);
+        if let Some(photons) = &self.photons {
+            irradiance += photons.irradiance(point.position, point.normal);
+        }
         point.albedo * irradiance / PI
     }
 
@@ -108,6 +130,11 @@ impl Illumination {
             return Vec3::ZERO;
         }
         radiance * (PI * hair(origin, direction, f32::INFINITY))
+    }
+
+    /// The igloo of `means`.
+    pub fn igloo(&self) -> &Igloo {
+        &self.coarse
     }
 
     /// Mean radiance of the environment over the faces of the igloo that `new` was given, unturned.

@@ -3,7 +3,9 @@
 pub mod environment;
 pub mod gather;
 pub mod lights;
+pub mod photon;
 
 pub use environment::{Environment, Radiance};
 pub use gather::Illumination;
 pub use lights::{DirectLight, RectLight};
+pub use photon::PhotonMap;
