@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::scene::Scene;
-use crate::scene::description::{Layer, OcclusionMode};
+use crate::scene::description::{IndirectMode, Layer, OcclusionMode};
 
 /// One effect, and why it is on or off.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -30,6 +30,8 @@ pub struct Effects {
     pub direct_lights: bool,
     /// Surfaces reflect light on hair and on each other.
     pub reflection: bool,
+    /// More than one reflection counts: a photon map.
+    pub photons: bool,
     /// Γ by projection: a tree over the segments.
     pub projected_occlusion: bool,
     /// Γ by rays.
@@ -54,7 +56,10 @@ impl Effects {
         let small_sources = scene.sources.is_some();
         let area_lights = !scene.area.is_empty();
         let direct_lights = !scene.direct.is_empty();
-        let reflection = surfaces && (environment || area_lights || direct_lights) && scene.surfaces.reflects();
+        let reflection = description.indirect.mode != IndirectMode::None
+            && surfaces
+            && (environment || area_lights || direct_lights)
+            && scene.surfaces.reflects();
         let incident = environment || area_lights || reflection;
         let mode = description.occlusion.mode;
         let occluded = hair && incident && mode != OcclusionMode::None;
@@ -68,6 +73,7 @@ impl Effects {
             area_lights,
             direct_lights,
             reflection,
+            photons: reflection && description.indirect.mode == IndirectMode::Photons,
             projected_occlusion: occluded && mode != OcclusionMode::Raytraced,
             raytraced_occlusion,
             calibration,
@@ -109,7 +115,13 @@ impl Effects {
                 "light reflected by surfaces",
                 self.reflection,
                 "lit surfaces reflect light",
-                "no lit surface reflects light",
+                "no lit surface reflects light, or indirect.mode is none",
+            ),
+            say(
+                "more than one reflection",
+                self.photons,
+                "indirect.mode is photons and lit surfaces reflect light",
+                "no lit surface reflects light, or another indirect.mode",
             ),
             say(
                 "hair occlusion by projection",

@@ -9,7 +9,8 @@ use std::f32::consts::PI;
 use glam::Vec3;
 
 use super::guide::Guide;
-use super::{DirectLight, Environment, RectLight, lights::Incident, sources};
+use super::photon::{self, Emitter};
+use super::{DirectLight, Environment, PhotonMap, RectLight, lights::Incident, sources};
 use crate::hash::{hash, to_unit, unit};
 use crate::igloo::{Igloo, Span};
 use crate::surface::{SurfacePoint, Surfaces};
@@ -27,12 +28,14 @@ pub struct Illumination {
     pub direct: Vec<DirectLight>,
     pub area: Vec<RectLight>,
     pub surfaces: Option<Surfaces>,
-    /// The environment's averages over the igloo of hair.
+    /// The igloo of hair.
+    igloo: Igloo,
+    /// The environment's averages over it.
     means: Vec<Vec3>,
-    /// Width of its faces, in radians.
-    face_width: f32,
     /// Where single rays from surfaces go.
     guide: Guide,
+    /// Light that surfaces have reflected more than once; none where only one reflection counts.
+    photons: Option<PhotonMap>,
 }
 
 impl Illumination {
@@ -45,7 +48,7 @@ impl Illumination {
         faces: u32,
     ) -> Self {
         let igloo = Igloo::new(Span::Sphere, faces);
-        let (means, face_width) = (environment.averages(&igloo), igloo.face_width());
+        let means = environment.averages(&igloo);
         let coarse = Guide::igloo(faces);
         let guide = if coarse.len() == igloo.len() {
             Guide::new(coarse, means.clone())
@@ -53,7 +56,7 @@ impl Illumination {
             let means = environment.averages(&coarse);
             Guide::new(coarse, means)
         };
-        Self { environment, direct, area, surfaces, means, face_width, guide }
+        Self { environment, direct, area, surfaces, igloo, means, guide, photons: None }
     }
 
     /// The first surfaces along rays of unit direction from one point: `take` gets the number of each ray, in order, and what it meets.
@@ -94,7 +97,7 @@ impl Illumination {
         let Some(found) = self.environment.sources() else { return };
         let from_map = self.environment.to_map().transpose();
         for (index, source) in found.list.iter().enumerate() {
-            let samples = source.samples(self.face_width, most);
+            let samples = source.samples(self.igloo.face_width(), most);
             for sample in 0..samples {
                 let name = [SOURCE, key, index as u32, sample];
                 let u = (f64::from(sample) + unit(&name)) / f64::from(samples);
@@ -116,8 +119,24 @@ impl Illumination {
         Some(Incident { toward, distance: f32::INFINITY, irradiance: energy / chance })
     }
 
+    /// Traces photons; nothing where none arrive, or too few for an estimate.
+    pub fn photon_map(
+        &self,
+        settings: &photon::Settings,
+        hair: &(impl Fn(Vec3, Vec3, f32) -> f32 + Sync),
+    ) -> Option<PhotonMap> {
+        let (surfaces, emitter) = (self.surfaces.as_ref()?, Emitter::new(self)?);
+        let photons = photon::trace(&emitter, surfaces, settings, hair);
+        PhotonMap::new(&photons, surfaces, settings.neighbours)
+    }
+
+    /// With a map [`Illumination::reflected`] counts light of any number of reflections.
+    pub fn set_photons(&mut self, photons: Option<PhotonMap>) {
+        self.photons = photons;
+    }
+
     /// Radiance that a surface sends back along the ray that met it, from point and directional lights, one sample of each area light and
-    /// of one small bright source, and one ray to the environment. Emission is not in it: area lights are sampled as lights.
+    /// of one small bright source, one ray to the environment, and the photons. Emission is not in it: area lights are sampled as lights.
     pub fn reflected(&self, point: &SurfacePoint, key: u32, hair: &impl Fn(Vec3, Vec3, f32) -> f32) -> Vec3 {
         if point.albedo == Vec3::ZERO {
             return Vec3::ZERO;
@@ -134,6 +153,9 @@ impl Illumination {
         self.area_light(origin, 1, key, &mut add);
         self.one_source(point.normal, key).iter().for_each(add);
         irradiance += self.sky_sample(point, origin, key, hair);
+        if let Some(photons) = &self.photons {
+            irradiance += photons.irradiance(point.position, point.normal);
+        }
         point.albedo * irradiance / PI
     }
 
@@ -145,6 +167,11 @@ impl Illumination {
             return Vec3::ZERO;
         }
         irradiance * hair(origin, direction, f32::INFINITY)
+    }
+
+    /// The igloo of `means`.
+    pub fn igloo(&self) -> &Igloo {
+        &self.igloo
     }
 
     /// Mean radiance of the environment over the faces of the igloo that `new` was given, unturned; small bright sources are not in it.

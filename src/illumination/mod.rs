@@ -6,10 +6,12 @@ pub mod gather;
 pub mod guide;
 pub mod lights;
 pub mod map;
+pub mod photon;
 pub mod sources;
 
 pub use environment::{Environment, Radiance};
 pub use gather::Illumination;
 pub use lights::{DirectLight, RectLight};
 pub use map::{Map, Mapping};
+pub use photon::PhotonMap;
 pub use sources::Sources;

@@ -13,7 +13,7 @@ use crate::embree::Device;
 use crate::hair::{OnStrand, StrandSample};
 use crate::hash::{hash, to_unit};
 use crate::illumination::lights::Incident;
-use crate::illumination::{Environment, Illumination};
+use crate::illumination::{Environment, Illumination, photon};
 use crate::occlusion::{Crossings, HairRays, Igloo, Receiver, Span, frame_around, raytraced};
 use crate::scene::Scene;
 use crate::shading::{Highlight, KajiyaKay, Lambert};
@@ -309,16 +309,13 @@ impl<'s> Lighting<'s> {
     ) {
         let begin = Instant::now();
         let solid_angle = igloo.face_solid_angle();
-        // Without hair occlusion hair does not dim what surfaces reflect either.
-        let free_of_hair = matches!(self.estimator, Estimator::Free);
-        let hair = |origin, direction, far| {
-            if free_of_hair { 1.0 } else { self.through_hair(origin, direction, far, None) }
-        };
+        let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
         for face in 0..igloo.len() {
             let free = reflect(face) * solid_angle;
             let weight = free * gamma[face];
             let radiance = match hits.get(face).and_then(Option::as_ref) {
                 None => means[face],
+                Some(_) if !self.effects.reflection => continue,
                 Some(hit) => {
                     let wanted = if self.effects.unoccluded_layer { free } else { weight };
                     if wanted.max_element() < WORTH_A_LOOK {
@@ -400,6 +397,25 @@ impl<'s> Lighting<'s> {
             }
         }
         space.clock.direct += begin.elapsed();
+    }
+
+    /// What hair leaves of the light from surface to surface. Without hair occlusion hair does not dim what surfaces reflect either.
+    fn between_surfaces(&self, origin: Vec3, direction: Vec3, far: f32) -> f32 {
+        if matches!(self.estimator, Estimator::Free) { 1.0 } else { self.through_hair(origin, direction, far, None) }
+    }
+
+    /// Traces the photons that the scene asks for. After [`settle`](super::settle): whether hair dims them is the estimator's to say.
+    pub fn trace_photons(&mut self) {
+        let description = self.scene.description();
+        let settings = photon::Settings {
+            photons: description.indirect.photons,
+            max_bounces: description.indirect.max_bounces,
+            neighbours: description.indirect.neighbours,
+            seed: description.sampling.seed,
+        };
+        let map =
+            self.light.photon_map(&settings, &|origin, direction, far| self.between_surfaces(origin, direction, far));
+        self.light.set_photons(map);
     }
 
     /// What hair leaves of the light along a ray.

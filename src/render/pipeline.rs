@@ -97,6 +97,12 @@ fn render_here(
     if effects.calibration {
         statistics.stage("calibrating", begin.elapsed());
     }
+    if effects.photons {
+        let begin = Instant::now();
+        progress.stage("tracing photons", 0);
+        lighting.trace_photons();
+        statistics.stage("tracing photons", begin.elapsed());
+    }
     let begin = Instant::now();
     let scene = lighting.scene();
     let frame = Frame::new(&lighting);

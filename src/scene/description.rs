@@ -31,6 +31,8 @@ pub struct Description {
     pub light: Lights,
     /// Γ: how hair blocks the light of the environment and of other surfaces.
     pub occlusion: Occlusion,
+    /// Light that surfaces reflect on hair and on each other.
+    pub indirect: Indirect,
     /// How finely the picture is sampled.
     pub sampling: Sampling,
     /// What is written, and how.
@@ -592,6 +594,42 @@ pub enum TransmittanceRule {
     Crossing,
     /// The paper's Eq. 7: transparency to the power of the length of hair visible in the region.
     SegmentLength,
+}
+
+/// Light that surfaces reflect.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Indirect {
+    /// How many reflections count.
+    pub mode: IndirectMode,
+    /// Photons that leave the lights, shared out by their power.
+    #[schemars(range(min = 1000, max = 20000000))]
+    pub photons: u32,
+    /// Reflections after which a photon's way ends; what would follow is lost.
+    #[schemars(range(min = 1, max = 1000))]
+    pub max_bounces: u32,
+    /// Photons of an estimate: more make it smoother and less sharp.
+    #[schemars(range(min = 8, max = 1000))]
+    pub neighbours: u32,
+}
+
+impl Default for Indirect {
+    fn default() -> Self {
+        Self { mode: IndirectMode::Photons, photons: 200_000, max_bounces: 64, neighbours: 64 }
+    }
+}
+
+/// How many reflections count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum IndirectMode {
+    /// All: photon mapping with final gathering.
+    #[default]
+    Photons,
+    /// One between a light and the point that is shaded.
+    SingleBounce,
+    /// None: surfaces block light, but what they meet gets none from them.
+    None,
 }
 
 /// Thinning of the hair for Γ. Strands are chosen by a hash, so that a smaller set is inside a larger one.

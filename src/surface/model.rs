@@ -153,6 +153,11 @@ impl Surfaces {
         }
     }
 
+    /// The corners of the smallest box around all surfaces; none where there are none.
+    pub fn bounds(&self) -> Option<[Vec3; 2]> {
+        crate::hair::strands::bounds(self.scene.positions())
+    }
+
     /// Whether anything lies on a ray with unit direction between `near` and `far`.
     pub fn blocks(&self, origin: Vec3, direction: Vec3, near: f32, far: f32) -> bool {
         self.scene.occluded(origin, direction, near, far)

@@ -1,0 +1,131 @@
+//! Photons as they leave the lights.
+//!
+//! Lights without a place shine through a disk that is as wide as the ball around all surfaces and stands square to their direction.
+
+use std::f32::consts::{PI, TAU};
+
+use glam::Vec3;
+
+use crate::hash::{hash, to_unit};
+use crate::igloo::frame_around;
+use crate::illumination::{DirectLight, Illumination};
+
+/// Purposes of random numbers.
+const PLACE: u32 = 0x504C_4143;
+const WAY: u32 = 0x5741_5921;
+
+/// A photon at its light: where it starts, its unit direction, and its power.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Emission {
+    pub origin: Vec3,
+    pub direction: Vec3,
+    pub power: Vec3,
+}
+
+/// One source of photons.
+#[derive(Clone, Copy, Debug)]
+enum Source {
+    Direct(usize),
+    Area(usize),
+    /// A face of the environment's igloo.
+    Sky(usize),
+}
+
+/// All lights of a scene as sources of photons, each chosen by its share of the power.
+#[derive(Debug)]
+pub struct Emitter<'l> {
+    light: &'l Illumination,
+    sources: Vec<(Source, Vec3)>,
+    /// Sums of the sources' mean powers, up to and with each.
+    cumulative: Vec<f64>,
+    center: Vec3,
+    radius: f32,
+}
+
+impl<'l> Emitter<'l> {
+    /// The lights of a scene with surfaces; nothing where there are none, or no light.
+    pub fn new(light: &'l Illumination) -> Option<Self> {
+        let [low, high] = light.surfaces.as_ref()?.bounds()?;
+        // A little wider: rounding must not put a surface outside.
+        let (center, radius) = (0.5 * (low + high), 0.5 * low.distance(high) * 1.0001);
+        let disk = PI * radius * radius;
+        let mut sources = Vec::new();
+        for (index, direct) in light.direct.iter().enumerate() {
+            let power = match *direct {
+                DirectLight::Point { intensity, .. } => intensity * (2.0 * TAU),
+                DirectLight::Directional { irradiance, .. } => irradiance * disk,
+            };
+            sources.push((Source::Direct(index), power));
+        }
+        sources
+            .extend(light.area.iter().enumerate().map(|(i, area)| (Source::Area(i), area.radiance * area.area * PI)));
+        let solid_angle = light.igloo().face_solid_angle();
+        let sky = light.means().iter().enumerate();
+        sources.extend(sky.map(|(face, &mean)| (Source::Sky(face), mean * (solid_angle * disk))));
+        sources.retain(|(_, power)| power.max_element() > 0.0 && power.is_finite());
+        let mut sum = 0.0;
+        let mut add = |power: Vec3| {
+            sum += f64::from(power.element_sum());
+            sum
+        };
+        let cumulative: Vec<f64> = sources.iter().map(|(_, power)| add(*power)).collect();
+        (!sources.is_empty()).then_some(Self { light, sources, cumulative, center, radius })
+    }
+
+    /// Power of all lights: of lights without a place, what passes through the disk.
+    pub fn power(&self) -> Vec3 {
+        self.sources.iter().map(|(_, power)| *power).sum()
+    }
+
+    /// Photon `index` of `count`. The sources are shared out evenly, not by chance.
+    pub fn emit(&self, index: u32, count: u32, seed: u32) -> Emission {
+        let total = self.cumulative[self.cumulative.len() - 1];
+        let target = (f64::from(index) + 0.5) / f64::from(count) * total;
+        let chosen = self.cumulative.partition_point(|&sum| sum <= target).min(self.sources.len() - 1);
+        let (source, power) = self.sources[chosen];
+        let chance = f64::from(power.element_sum()) / total;
+        let power = power * (1.0 / (chance * f64::from(count))) as f32;
+        let number = |purpose, axis| to_unit(hash(&[purpose, seed, index, axis]));
+        let [place, way] = [PLACE, WAY].map(|purpose| [number(purpose, 0), number(purpose, 1)]);
+        let (origin, direction) = match source {
+            Source::Direct(index) => match self.light.direct[index] {
+                DirectLight::Point { position, .. } => (position, uniform(way)),
+                DirectLight::Directional { toward, .. } => (self.through_disk(toward, place), -toward),
+            },
+            Source::Area(index) => {
+                let light = &self.light.area[index];
+                let position = light.corner + light.edge_u * place[0] + light.edge_v * place[1];
+                let size = position.abs().max(Vec3::splat(1.0 / 64.0));
+                let lifted = position + light.normal * (size * (32.0 * f32::EPSILON)).length();
+                (lifted, frame_around(light.normal) * by_cosine(way))
+            }
+            Source::Sky(face) => {
+                let toward = self.light.igloo().direction(face, way[0], way[1]);
+                (self.through_disk(toward, place), -toward)
+            }
+        };
+        Emission { origin, direction, power }
+    }
+
+    /// A point of the disk on the side of `toward`.
+    fn through_disk(&self, toward: Vec3, at: [f32; 2]) -> Vec3 {
+        let (sin, cos) = (TAU * at[0]).sin_cos();
+        let local = Vec3::new(cos, sin, 0.0) * (self.radius * at[1].sqrt());
+        self.center + toward * self.radius + frame_around(toward) * local
+    }
+}
+
+/// A direction of the whole sphere, all alike.
+fn uniform([u, v]: [f32; 2]) -> Vec3 {
+    let z = 1.0 - 2.0 * v;
+    let (sin, cos) = (TAU * u).sin_cos();
+    let radius = ((1.0 - z) * (1.0 + z)).max(0.0).sqrt();
+    Vec3::new(radius * cos, radius * sin, z)
+}
+
+/// A direction of the upper hemisphere, distributed as its cosine.
+pub(super) fn by_cosine([u, v]: [f32; 2]) -> Vec3 {
+    let (sin, cos) = (TAU * u).sin_cos();
+    let radius = v.sqrt();
+    Vec3::new(radius * cos, radius * sin, (1.0 - v).sqrt())
+}

@@ -1,0 +1,27 @@
+//! Light that surfaces have reflected more than once, by photons (Jensen 1996, "Global Illumination using Photon Maps").
+//!
+//! Photons leave the lights, are stored where they arrive after at least one reflection, and give the irradiance there. Light that
+//! arrives straight from a light is left out: rays to the lights find it without the map's blur. Power in W, in render units.
+
+mod emission;
+mod map;
+mod trace;
+
+pub use emission::{Emission, Emitter};
+pub use map::PhotonMap;
+pub use trace::{Photon, trace};
+
+/// How photons are traced and counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Photons that leave the lights.
+    pub photons: u32,
+    /// Reflections after which a photon's way ends. What would follow is lost.
+    pub max_bounces: u32,
+    /// Photons of an estimate of irradiance.
+    pub neighbours: u32,
+    pub seed: u32,
+}
+
+#[cfg(test)]
+mod tests;
