@@ -21,6 +21,14 @@ const AREA: u32 = 0x4152_4541;
 const SOURCE: u32 = 0x5355_4E21;
 const ONE_SOURCE: u32 = 0x4F4E_4521;
 
+/// Purpose of the random numbers of the places at which irradiance is known beforehand.
+const PLACES: u32 = 0x504C_4353;
+/// So many photons are counted for one whose place is one of those.
+const PHOTONS_A_PLACE: u32 = 4;
+/// The map stands for all light of a point where the radius of its estimate is below this share of the ray's length: the disk is then smaller than a
+/// face of the igloo is wide (.3 at 64 faces a hemisphere). Nearer, rays to the lights find what arrives straight from them.
+const BLUR: f32 = 0.15;
+
 /// All light of a scene, and the surfaces that block and reflect it.
 #[derive(Debug)]
 pub struct Illumination {
@@ -127,7 +135,13 @@ impl Illumination {
     ) -> Option<PhotonMap> {
         let (surfaces, emitter) = (self.surfaces.as_ref()?, Emitter::new(self)?);
         let photons = photon::trace(&emitter, surfaces, settings, hair);
-        PhotonMap::new(&photons, surfaces, settings.neighbours)
+        let fewer = photon::Settings {
+            photons: settings.photons.div_ceil(PHOTONS_A_PLACE),
+            seed: hash(&[PLACES, settings.seed]),
+            ..*settings
+        };
+        let places = photon::trace(&emitter, surfaces, &fewer, hair);
+        PhotonMap::new(photons, &places, surfaces, settings.neighbours)
     }
 
     /// With a map [`Illumination::reflected`] counts light of any number of reflections.
@@ -135,11 +149,15 @@ impl Illumination {
         self.photons = photons;
     }
 
-    /// Radiance that a surface sends back along the ray that met it, from point and directional lights, one sample of each area light and
-    /// of one small bright source, one ray to the environment, and the photons. Emission is not in it: area lights are sampled as lights.
+    /// Radiance that a surface sends back along the ray that met it: by the photons, or where they would blur it from point and directional
+    /// lights, one sample of each area light and of one small bright source, one ray to the environment, and the photons of reflected light. Emission is not in it: area lights are sampled as lights.
     pub fn reflected(&self, point: &SurfacePoint, key: u32, hair: &impl Fn(Vec3, Vec3, f32) -> f32) -> Vec3 {
         if point.albedo == Vec3::ZERO {
             return Vec3::ZERO;
+        }
+        let known = self.photons.as_ref().and_then(|photons| photons.irradiance(point.position, point.normal));
+        if let Some(known) = known.filter(|known| known.radius < BLUR * point.distance) {
+            return point.albedo * known.total / PI;
         }
         let origin = point.leaving();
         let mut irradiance = Vec3::ZERO;
@@ -153,9 +171,7 @@ impl Illumination {
         self.area_light(origin, 1, key, &mut add);
         self.one_source(point.normal, key).iter().for_each(add);
         irradiance += self.sky_sample(point, origin, key, hair);
-        if let Some(photons) = &self.photons {
-            irradiance += photons.irradiance(point.position, point.normal);
-        }
+        irradiance += known.map_or(Vec3::ZERO, |known| known.indirect);
         point.albedo * irradiance / PI
     }
 

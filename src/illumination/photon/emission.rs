@@ -6,13 +6,14 @@ use std::f32::consts::{PI, TAU};
 
 use glam::Vec3;
 
-use crate::hash::{hash, to_unit};
+use crate::hash::{hash, to_unit, unit};
 use crate::igloo::frame_around;
 use crate::illumination::{DirectLight, Illumination};
 
 /// Purposes of random numbers.
 const PLACE: u32 = 0x504C_4143;
 const WAY: u32 = 0x5741_5921;
+const SPOT: u32 = 0x5350_4F54;
 
 /// A photon at its light: where it starts, its unit direction, and its power.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,6 +30,8 @@ enum Source {
     Area(usize),
     /// A face of the environment's igloo.
     Sky(usize),
+    /// A small bright source of the environment.
+    Spot(usize),
 }
 
 /// All lights of a scene as sources of photons, each chosen by its share of the power.
@@ -62,6 +65,8 @@ impl<'l> Emitter<'l> {
         let solid_angle = light.igloo().face_solid_angle();
         let sky = light.means().iter().enumerate();
         sources.extend(sky.map(|(face, &mean)| (Source::Sky(face), mean * (solid_angle * disk))));
+        let spots = light.environment.sources().map_or(&[][..], |found| &found.list);
+        sources.extend(spots.iter().enumerate().map(|(i, spot)| (Source::Spot(i), spot.energy * disk)));
         sources.retain(|(_, power)| power.max_element() > 0.0 && power.is_finite());
         let mut sum = 0.0;
         let mut add = |power: Vec3| {
@@ -88,6 +93,7 @@ impl<'l> Emitter<'l> {
         let number = |purpose, axis| to_unit(hash(&[purpose, seed, index, axis]));
         let [place, way] = [PLACE, WAY].map(|purpose| [number(purpose, 0), number(purpose, 1)]);
         let (origin, direction) = match source {
+            Source::Spot(spot) => return self.from_spot(spot, power, place, hash(&[SPOT, seed, index])),
             Source::Direct(index) => match self.light.direct[index] {
                 DirectLight::Point { position, .. } => (position, uniform(way)),
                 DirectLight::Directional { toward, .. } => (self.through_disk(toward, place), -toward),
@@ -105,6 +111,23 @@ impl<'l> Emitter<'l> {
             }
         };
         Emission { origin, direction, power }
+    }
+
+    /// A photon of a small bright source that on average has this power.
+    fn from_spot(&self, index: usize, power: Vec3, place: [f32; 2], key: u32) -> Emission {
+        let environment = &self.light.environment;
+        let sampled = environment.sources().and_then(|found| {
+            let spot = &found.list[index];
+            Some((spot.sample(&found.rest, unit(&[WAY, key]), key)?, spot.energy))
+        });
+        // A source that gives no sample has no light.
+        let Some(((toward, energy), mean)) = sampled else {
+            return Emission { origin: self.center, direction: Vec3::Y, power: Vec3::ZERO };
+        };
+        let toward = environment.to_map().transpose() * toward;
+        let share = energy.element_sum() / mean.element_sum();
+        let color = energy / energy.element_sum() * power.element_sum();
+        Emission { origin: self.through_disk(toward, place), direction: -toward, power: color * share }
     }
 
     /// A point of the disk on the side of `toward`.

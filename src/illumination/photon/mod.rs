@@ -1,14 +1,14 @@
 //! Light that surfaces have reflected more than once, by photons (Jensen 1996, "Global Illumination using Photon Maps").
 //!
-//! Photons leave the lights, are stored where they arrive after at least one reflection, and give the irradiance there. Light that
-//! arrives straight from a light is left out: rays to the lights find it without the map's blur. Power in W, in render units.
+//! Photons leave the lights, are stored where they arrive, and give the irradiance there: all of it, and that of light which was reflected at least
+//! once. Where the map's blur would be seen, rays to the lights find what arrives straight from them. Power in W, in render units.
 
 mod emission;
 mod map;
 mod trace;
 
 pub use emission::{Emission, Emitter};
-pub use map::PhotonMap;
+pub use map::{Irradiance, PhotonMap};
 pub use trace::{Photon, trace};
 
 /// How photons are traced and counted.

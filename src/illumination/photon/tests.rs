@@ -1,6 +1,7 @@
 use std::f32::consts::PI;
 
 use glam::{Mat3, Vec3};
+use rayon::prelude::*;
 
 use super::*;
 use crate::embree::Device;
@@ -31,7 +32,7 @@ fn cube(albedos: [Vec3; 6]) -> Vec<(crate::surface::Mesh, Vec3)> {
 }
 
 fn lit(sky: Vec3, direct: Vec<DirectLight>, area: Vec<RectLight>, surfaces: Surfaces) -> Illumination {
-    let environment = Environment::new(Radiance::Uniform(sky), Mat3::IDENTITY, 64);
+    let environment = Environment::new(Radiance::Uniform(sky), None, Mat3::IDENTITY, 64);
     Illumination::new(environment, direct, area, Some(surfaces), 64)
 }
 
@@ -48,7 +49,8 @@ fn over_wall(map: &PhotonMap, out: Vec3, side: u32) -> Vec3 {
     let frame = crate::igloo::frame_around(-out);
     let at = |i: u32| 2.0 * (i as f32 + 0.5) / side as f32 - 1.0;
     let points = (0..side * side).map(|i| out + frame * Vec3::new(at(i % side), at(i / side), 0.0));
-    points.map(|point| map.irradiance(point, -out)).sum::<Vec3>() / (side * side) as f32
+    points.filter_map(|point| map.irradiance(point, -out)).map(|found| found.indirect).sum::<Vec3>()
+        / (side * side) as f32
 }
 
 #[test]
@@ -189,27 +191,34 @@ fn red_and_green() -> [Vec3; 6] {
 }
 
 /// Mean over a grid of points a wall: map and paths.
-fn compare(light: &Illumination, hair: &(impl Fn(Vec3, Vec3, f32) -> f32 + Sync), photons: u32) -> Vec<[Vec3; 2]> {
+fn compare(
+    light: &Illumination,
+    hair: &(impl Fn(Vec3, Vec3, f32) -> f32 + Sync),
+    photons: u32,
+    paths: u32,
+) -> Vec<[Vec3; 2]> {
     let map = light.photon_map(&settings(photons), hair).expect("photons");
     let walls = [Vec3::NEG_Y, Vec3::Y, Vec3::NEG_X, Vec3::X, Vec3::NEG_Z, Vec3::Z];
     let side = 12;
     let at = |i: u32| 2.0 * (i as f32 + 0.5) / side as f32 - 1.0;
     let mean = |out: Vec3| {
         let frame = crate::igloo::frame_around(-out);
-        let paths = (0..side * side)
-            .map(|i| by_paths(light, hair, out + frame * Vec3::new(at(i % side), at(i / side), 0.0), -out, 1000))
-            .sum::<Vec3>();
-        [over_wall(&map, out, 48), paths / (side * side) as f32]
+        let points: Vec<Vec3> = (0..side * side)
+            .into_par_iter()
+            .map(|i| by_paths(light, hair, out + frame * Vec3::new(at(i % side), at(i / side), 0.0), -out, paths))
+            .collect();
+        [over_wall(&map, out, 48), points.into_iter().sum::<Vec3>() / (side * side) as f32]
     };
     walls.into_iter().map(mean).collect()
 }
 
 #[test]
+#[ignore = "slow: millions of paths"]
 fn a_cornell_box_agrees_with_paths() {
     let mut meshes = cube(red_and_green());
     meshes.push((primitives::sphere(glam::DVec3::new(-0.2, -0.5, 0.1), 0.4), Vec3::splat(0.6)));
     let light = lit(Vec3::ZERO, vec![lamp()], vec![], surfaces(&meshes, &[]));
-    for (wall, [map, paths]) in compare(&light, &FREE, 200_000).into_iter().enumerate() {
+    for (wall, [map, paths]) in compare(&light, &FREE, 200_000, 8000).into_iter().enumerate() {
         let error = (map - paths).abs().max_element() / paths.max_element();
         println!("wall {wall}: {map} against {paths}: {error:.4}");
         assert!(error < 0.02, "wall {wall}: {map} against {paths}");
@@ -225,7 +234,7 @@ fn hair_lowers_indirect_light_as_it_does_for_paths() {
     };
     let light = lit(Vec3::ZERO, vec![lamp()], vec![], surfaces(&cube(red_and_green()), &[]));
     let free = light.photon_map(&settings(200_000), &FREE).expect("photons");
-    let [map, paths] = compare(&light, &slab, 400_000)[0];
+    let [map, paths] = compare(&light, &slab, 400_000, 500)[0];
     let error = (map - paths).abs().max_element() / paths.max_element();
     println!("floor {map} against {paths}: {error:.4}; without {}", over_wall(&free, Vec3::NEG_Y, 48));
     assert!(error < 0.03, "{map} against {paths}");

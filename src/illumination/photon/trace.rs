@@ -14,6 +14,15 @@ const HAIR: u32 = 0x4841_4952;
 const LIVES: u32 = 0x4C49_5645;
 const TURN: u32 = 0x5455_524E;
 
+/// Most photons that are kept: 36 bytes each, and as much again for the trees over them.
+const MOST: usize = 8_000_000;
+
+/// Paths that tell whether any light is reflected more than once at all.
+const PILOT: u32 = 4096;
+
+/// Paths between two looks at how many photons there are.
+const BATCH: u32 = 1 << 16;
+
 /// Light that arrives at a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Photon {
@@ -21,9 +30,12 @@ pub struct Photon {
     /// Unit shading normal on the side that the photon came to.
     pub normal: Vec3,
     pub power: Vec3,
+    /// Straight from its light.
+    pub direct: bool,
 }
 
-/// Photons that arrive after one reflection or more, in the order of their number and way, whatever the number of threads.
+/// Photons where they arrive, in the order of their number and way, whatever the number of threads; none where hardly any light is
+/// reflected twice.
 ///
 /// `hair(origin, direction, far)` is what hair lets through: the chance with which a photon gets through, so that those that do keep their power.
 pub fn trace(
@@ -32,12 +44,39 @@ pub fn trace(
     settings: &Settings,
     hair: &(impl Fn(Vec3, Vec3, f32) -> f32 + Sync),
 ) -> Vec<Photon> {
-    let ways: Vec<Vec<Photon>> =
-        (0..settings.photons).into_par_iter().map(|index| way(emitter, surfaces, settings, hair, index)).collect();
-    ways.concat()
+    let pilot = Settings { photons: settings.photons.min(PILOT), ..*settings };
+    if !batch(emitter, surfaces, &pilot, hair, 0..pilot.photons).iter().any(|photon| !photon.direct) {
+        return Vec::new();
+    }
+    let mut photons = Vec::new();
+    let count = settings.photons;
+    // The lights follow each other in the numbers of the photons: batches of every so many-th photon hold all of them.
+    let batches = count.div_ceil(BATCH);
+    for first in 0..batches {
+        photons.append(&mut batch(emitter, surfaces, settings, hair, (first..count).step_by(batches as usize)));
+        if photons.len() > MOST && first + 1 < batches {
+            let traced = f64::from(count.saturating_sub(first).div_ceil(batches)) * f64::from(first + 1);
+            photons.iter_mut().for_each(|photon| photon.power *= (f64::from(count) / traced) as f32);
+            break;
+        }
+    }
+    photons
 }
 
-fn way(
+fn batch(
+    emitter: &Emitter<'_>,
+    surfaces: &Surfaces,
+    settings: &Settings,
+    hair: &(impl Fn(Vec3, Vec3, f32) -> f32 + Sync),
+    indices: impl Iterator<Item = u32>,
+) -> Vec<Photon> {
+    let indices: Vec<u32> = indices.collect();
+    let paths: Vec<Vec<Photon>> =
+        indices.into_par_iter().map(|index| path(emitter, surfaces, settings, hair, index)).collect();
+    paths.concat()
+}
+
+fn path(
     emitter: &Emitter<'_>,
     surfaces: &Surfaces,
     settings: &Settings,
@@ -53,9 +92,7 @@ fn way(
         if number(HAIR, 0) >= hair(origin, direction, hit.distance) || hit.albedo == Vec3::ZERO {
             break;
         }
-        if bounce > 0 {
-            stored.push(Photon { position: hit.position, normal: hit.normal, power });
-        }
+        stored.push(Photon { position: hit.position, normal: hit.normal, power, direct: bounce == 0 });
         // Russian roulette by the brightest channel: no photon gains power.
         let lives = hit.albedo.max_element().min(1.0);
         if number(LIVES, 0) >= lives {
