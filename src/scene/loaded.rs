@@ -16,7 +16,7 @@ use crate::surface::{Mesh, SurfaceModel, obj, primitives};
 use crate::transform;
 
 /// Larger environment maps are refused, in bytes of all their channels as `f32`: 16384x4096 pixels of three.
-const MAX_MAP_BYTES: u64 = 768 << 20;
+pub const MAX_MAP_BYTES: u64 = 768 << 20;
 
 /// A scene, ready to be rendered. Lengths and positions are in render space.
 #[derive(Debug)]
