@@ -1,7 +1,8 @@
 //! The program on damaged and odd files: it uses them rightly or says clearly what is wrong, in bounded time and memory.
 //!
 //! Every run is a process of its own. Exit code 0 comes with output, 3 with an error that names the file; a signal, a
-//! panic (1), twenty seconds or 1 GiB are failures.
+//! panic (1), twenty seconds or 1 GiB are failures. Where there are thousands of files one process gets some hundreds of
+//! them, and a minute.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,10 +12,15 @@ use std::time::Duration;
 
 use glam::Vec3;
 use nix::sys::resource::{UsageWho, getrusage};
-use tress::hair::{Attribute, Strands, formats::write_hair};
-use tress::image::{ImageSpec, PixelFormat, write_atomic};
+use tress::hair::formats::{self, Options, write_hair};
+use tress::hair::{Attribute, Strands};
+use tress::image::{self, ImageSpec, Limits, PixelFormat, write_atomic};
+use tress::scene::description::HairFormat;
 
 const TIME_LIMIT: Duration = Duration::from_secs(20);
+/// The same of a run that is about many files.
+const BATCH_TIME_LIMIT: Duration = Duration::from_secs(60);
+const BATCH: usize = 256;
 /// Resident memory of any one run, in KiB.
 const MEMORY_LIMIT: i64 = 1 << 20;
 const THREADS: usize = 2;
@@ -47,7 +53,8 @@ fn run_all(jobs: &[Job]) -> Vec<String> {
 /// Exit code, standard output and standard error of a run, unless it was ended by a signal or took too long.
 fn run(arguments: &[PathBuf]) -> Result<(i32, String, String), String> {
     let mut command = assert_cmd::Command::new(assert_cmd::cargo::cargo_bin!("tress"));
-    let output = command.args(arguments).timeout(TIME_LIMIT).output().map_err(|e| e.to_string())?;
+    let limit = if arguments.len() > 3 { BATCH_TIME_LIMIT } else { TIME_LIMIT };
+    let output = command.args(arguments).timeout(limit).output().map_err(|e| e.to_string())?;
     let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
     let (out, err) = (text(output.stdout), text(output.stderr));
     let code = output.status.code().ok_or_else(|| format!("ended by {} or out of time: {err}", output.status))?;
@@ -278,4 +285,129 @@ fn promises_of_headers_are_not_believed() {
         [info(&path(name), must_fail), check(folder.path(), &path(name), must_fail)]
     });
     assert_all(jobs.as_flattened());
+}
+
+/// Good files, real ones where they are there, each of at most some kilobytes: large ones are cut down to sound small ones.
+fn small_good_files(folder: &Path) -> Vec<PathBuf> {
+    let mut files: Vec<PathBuf> = sound_files(folder).into_iter().map(|(file, _)| file).collect();
+    let data = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data"));
+    for kind in ["hair", "mesh", "env"] {
+        let Ok(entries) = fs::read_dir(data.join(kind)) else {
+            eprintln!("skipped: {} is absent", data.join(kind).display());
+            continue;
+        };
+        for (index, entry) in entries.flatten().enumerate() {
+            let path = entry.path();
+            let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+            if path.is_file() && ["hair", "tfx", "txt", "obj", "exr", "hdr"].contains(&ending) {
+                let small = folder.join(format!("real{kind}{index}.{ending}"));
+                shorten(&path, ending, &small);
+                files.push(small);
+            }
+        }
+    }
+    files
+}
+
+/// A small, sound version of a file.
+fn shorten(path: &Path, ending: &str, small: &Path) {
+    let bytes = fs::read(path).unwrap();
+    match ending {
+        _ if bytes.len() <= 8192 => fs::write(small, bytes).unwrap(),
+        "hair" => {
+            let mut strands = formats::read(path, HairFormat::Auto, &Options::default()).unwrap().strands;
+            strands.retain(|strand| strand < 8);
+            write_hair(&strands, small).unwrap();
+        }
+        "tfx" => {
+            // The first strands, and a header that says so.
+            let mut short = bytes[..8192].to_vec();
+            short[4..8].copy_from_slice(&8_u32.to_le_bytes());
+            fs::write(small, short).unwrap();
+        }
+        "exr" => {
+            let image = image::read(path, &Limits::default()).unwrap();
+            let channels = image.channels.iter().map(|name| (name.clone(), PixelFormat::Half)).collect();
+            let values = image.pixels[..32 * 8 * image.channels.len()].to_vec();
+            write_atomic(small, &ImageSpec::new(32, 8, channels), &values).unwrap();
+        }
+        "hdr" => {
+            // The first two rows; more bytes than they take do no harm.
+            let text = bytes.windows(2).position(|pair| pair == b"-Y").unwrap();
+            let end = text + bytes[text..].iter().position(|&byte| byte == b' ').unwrap() + 1;
+            let rest = end + bytes[end..].iter().position(|&byte| byte == b' ').unwrap();
+            fs::write(small, [&bytes[..end], b"2", &bytes[rest..rest + 12_000]].concat()).unwrap();
+        }
+        _ => {
+            // The vertices that the first faces need are all there in the first lines of each kind.
+            let text = String::from_utf8_lossy(&bytes);
+            let first = |start: &str, count| {
+                text.lines().filter(|line| line.starts_with(start)).take(count).collect::<Vec<_>>()
+            };
+            let faces = ["f 1 2 3", "f 4 5 6", "f -1 -2 -3"];
+            fs::write(small, [first("v ", 60), first("vn ", 10), faces.to_vec()].concat().join("\n")).unwrap();
+        }
+    }
+}
+
+/// Each of many files is described or refused, by processes that get some hundreds each.
+fn assert_batches_are_reported(files: &[PathBuf]) {
+    files.chunks(BATCH).for_each(assert_each_is_reported);
+    let peak = getrusage(UsageWho::RUSAGE_CHILDREN).unwrap().max_rss();
+    assert!(peak <= MEMORY_LIMIT, "{peak} KiB");
+    eprintln!("{} files, {} MiB at most", files.len(), peak >> 10);
+}
+
+#[test]
+fn files_cut_at_each_64th_byte_are_described_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut files = Vec::new();
+    for file in small_good_files(folder.path()) {
+        let bytes = fs::read(&file).unwrap();
+        let (code, _, err) = run(&["info".into(), file.clone()]).unwrap();
+        // A file that is refused whole teaches nothing.
+        assert_eq!(code, 0, "{}: {err}", file.display());
+        for end in (0..bytes.len()).step_by(64) {
+            let name = format!("{}.{end}.{}", file.file_stem().unwrap().display(), file.extension().unwrap().display());
+            files.push(folder.path().join(name));
+            fs::write(files.last().unwrap(), &bytes[..end]).unwrap();
+        }
+    }
+    assert!(files.len() > 60, "{}", files.len());
+    assert_batches_are_reported(&files);
+}
+
+/// How many bytes of a file count as its header: what says how the rest is to be read.
+fn header_bytes(file: &Path, bytes: &[u8]) -> usize {
+    match file.extension().and_then(|e| e.to_str()).unwrap() {
+        "hair" => 128,
+        "tfx" => 160,
+        // To the end of the line of the size.
+        "hdr" => bytes.windows(2).position(|pair| pair == b"+X").unwrap() + 5,
+        // All attributes: the last one is the screen's width or what sorts after it.
+        "exr" => bytes.windows(10).rposition(|name| name == b"worldToNDC" || name == b"screenWind").unwrap() + 48,
+        _ => 128,
+    }
+    .min(bytes.len())
+}
+
+#[test]
+fn each_bit_of_a_header_may_be_wrong() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut files = Vec::new();
+    for (file, _) in sound_files(folder.path()) {
+        let ending = file.extension().unwrap().to_str().unwrap().to_owned();
+        if !["hair", "tfx", "hdr", "exr", "obj"].contains(&&*ending) {
+            continue;
+        }
+        let bytes = fs::read(&file).unwrap();
+        for bit in 0..8 * header_bytes(&file, &bytes) {
+            let mut wrong = bytes.clone();
+            wrong[bit / 8] ^= 1 << (bit % 8);
+            files.push(folder.path().join(format!("bit{bit}.{ending}")));
+            fs::write(files.last().unwrap(), wrong).unwrap();
+        }
+    }
+    assert!(files.len() > 5 * 8 * 80, "{}", files.len());
+    assert_batches_are_reported(&files);
 }

@@ -2,8 +2,10 @@
 
 use std::path::PathBuf;
 
+use super::memory::Memory;
 use super::{Failure, Overrides, Verbosity, exit, load, log};
 use crate::illumination::{Mapping, Radiance};
+use crate::render::memory::Work;
 use crate::scene::{AssetError, Scene};
 
 /// Check a scene and all files it names, and list every fault with its line; render nothing
@@ -13,6 +15,8 @@ pub(crate) struct Arguments {
     scene: PathBuf,
     #[command(flatten)]
     overrides: Overrides,
+    #[command(flatten)]
+    memory: Memory,
     /// The frame whose files are read, where names hold a run of #
     #[arg(long, value_name = "N", default_value_t = 1)]
     frame: u32,
@@ -20,7 +24,9 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     let document = load(&arguments.scene, &arguments.overrides.set, verbosity)?;
-    let scene = Scene::load(document.at_frame(arguments.frame))?;
+    let document = document.at_frame(arguments.frame);
+    arguments.memory.check(&document, Work::Check)?;
+    let scene = Scene::load(document)?;
     if verbosity.quiet {
         return Ok(());
     }

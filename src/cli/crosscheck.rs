@@ -4,11 +4,13 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::check::notes;
+use super::memory::{Memory, thread_count};
 use super::render::window;
 use super::summary::grouped;
 use super::values::{self, Crop, Resolution};
 use super::{Failure, Overrides, Verbosity, exit, interrupt, load, log, progress::Reporter};
 use crate::file::write_whole;
+use crate::render::memory::Work;
 use crate::render::progress::Progress;
 use crate::scene::Scene;
 use crate::study::report::{Compared, Part, Site};
@@ -51,6 +53,8 @@ pub(crate) struct Arguments {
     threads: Option<u16>,
     #[command(flatten)]
     overrides: Overrides,
+    #[command(flatten)]
+    memory: Memory,
     /// Seed of all random numbers, also of those that choose the points; the same as --set sampling.seed=
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     seed: Option<u32>,
@@ -77,6 +81,8 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
         let message = format!("{}: plots are drawn as SVG only; let the name end in .svg", path.display());
         return Err(Failure::Usage(message));
     }
+    let threads = thread_count(settings.threads);
+    arguments.memory.check(&document, Work::Crosscheck { window: settings.window, threads })?;
     interrupt::install().map_err(|e| Failure::Bug(format!("cannot catch Ctrl-C: {e}")))?;
     let reporter = Reporter::new(verbosity);
     reporter.stage("loading", 0);

@@ -5,8 +5,10 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
 use super::check::{count, notes};
+use super::memory::Memory;
 use super::{Failure, Overrides, Verbosity, exit, interrupt, load, log, values};
 use crate::hair::{Strands, formats, inspect, join};
+use crate::render::memory::Work;
 use crate::scene::{Document, GrownHair};
 
 /// Grow the hair of a scene and write it to a HAIR file, in the scene's space
@@ -19,6 +21,8 @@ pub(crate) struct Arguments {
     output: PathBuf,
     #[command(flatten)]
     overrides: Overrides,
+    #[command(flatten)]
+    memory: Memory,
     /// The frame whose files are read, where names hold a run of #
     #[arg(long, value_name = "N", default_value_t = 1)]
     frame: u32,
@@ -36,6 +40,7 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
         return Err(Failure::Input(format!("{scene}: no hair of this scene is grown; give a [[hair]] the key grow")));
     }
     values::folder_exists(output)?;
+    arguments.memory.check(&document, Work::Grow)?;
     interrupt::install().map_err(|e| Failure::Bug(format!("cannot catch Ctrl-C: {e}")))?;
     let (grown, strands) = unless_interrupted(move || grow(&document))??;
     // Not interrupted any more: an unfinished temporary file would stay behind.

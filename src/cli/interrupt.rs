@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::flag;
 
 /// The exit code of an interrupted program: 128 and the number of SIGINT.
@@ -21,6 +21,8 @@ fn flag() -> &'static Arc<AtomicBool> {
 pub fn install() -> std::io::Result<()> {
     static INSTALLED: OnceLock<()> = OnceLock::new();
     if INSTALLED.set(()).is_ok() {
+        // Without anybody who catches it, a file larger than the shell's limit ends the program; so the write fails, with a message.
+        flag::register(SIGXFSZ, Arc::default())?;
         for signal in [SIGINT, SIGTERM] {
             // In this order: the flag is still down when the first signal passes the shutdown.
             flag::register_conditional_shutdown(signal, CODE, Arc::clone(flag()))?;

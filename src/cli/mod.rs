@@ -10,6 +10,7 @@ mod info;
 pub mod interrupt;
 mod log;
 mod man;
+mod memory;
 pub mod progress;
 pub mod render;
 mod schema;

@@ -6,10 +6,13 @@ use std::time::Instant;
 
 use clap::builder::PossibleValuesParser;
 
+use super::memory::{Memory, thread_count};
 use super::values::{self, Crop, Frames, Resolution};
 use super::{Failure, Overrides, Verbosity, crosscheck, interrupt, load, progress::Reporter, summary};
+use crate::embree;
 use crate::file::write_whole;
 use crate::fragment::PixelRect;
+use crate::render::memory::Work;
 use crate::render::{self, Options, RenderError, Statistics, output, progress::Progress, statistics::Stage};
 use crate::scene::frame::frame_path;
 use crate::scene::{Document, Scene};
@@ -40,6 +43,8 @@ pub(crate) struct Arguments {
     threads: Option<u16>,
     #[command(flatten)]
     overrides: Overrides,
+    #[command(flatten)]
+    memory: Memory,
     /// Seed of all random numbers; the same as --set sampling.seed=
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     seed: Option<u32>,
@@ -82,6 +87,7 @@ pub struct RenderRequest {
 }
 
 pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Failure> {
+    let memory = arguments.memory;
     let request = request(arguments, verbosity)?;
     interrupt::install().map_err(|e| Failure::Bug(format!("cannot catch Ctrl-C: {e}")))?;
     let reporter = Reporter::new(verbosity);
@@ -89,7 +95,10 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
     let frames = request.frames.numbers();
     for &frame in frames {
         let numbered = frames.len() > 1;
-        reports.push(render_frame(&request, frame, &reporter, verbosity, numbered)?);
+        let document = request.document.at_frame(frame);
+        let work = Work::Render { window: window(request.crop, &document)?, threads: thread_count(request.threads) };
+        memory.check(&document, work)?;
+        reports.push(render_frame(&request, frame, document, &reporter, verbosity, numbered)?);
         if let Some(path) = &request.stats {
             // After each frame: what was measured is kept when a later frame fails.
             write_statistics(path, &reports)?;
@@ -113,6 +122,7 @@ struct FrameReport {
 fn render_frame(
     request: &RenderRequest,
     frame: u32,
+    document: Document,
     progress: &dyn Progress,
     verbosity: Verbosity,
     numbered: bool,
@@ -123,7 +133,7 @@ fn render_frame(
     }
     let begin = Instant::now();
     progress.stage(&if numbered { format!("frame {frame}: loading") } else { "loading".to_owned() }, 0);
-    let mut scene = Scene::load(request.document.at_frame(frame)).map_err(|e| Failure::Input(e.to_string()))?;
+    let mut scene = Scene::load(document).map_err(|e| Failure::Input(e.to_string()))?;
     let loading = begin.elapsed();
     if !verbosity.quiet {
         scene.notes.iter().for_each(|note| progress.message(&format!("note: {note}")));
@@ -189,6 +199,13 @@ impl From<RenderError> for Failure {
             RenderError::Cancelled => Failure::Interrupted,
             // Memory that is not to be had for what the scene asks.
             RenderError::Bins(_) | RenderError::Threads { .. } => Failure::Input(error.to_string()),
+            RenderError::Embree(embree::Error::Vertex { .. } | embree::Error::Radius { .. }) => {
+                Failure::Input(format!(
+                    "in units of half the hair's extent (of the surfaces', where there is no hair), {error}; \
+                 is one of the objects in other units? transform.scale brings them together"
+                ))
+            }
+            RenderError::Embree(embree::Error::TooMany { .. }) => Failure::Input(error.to_string()),
             RenderError::Embree(_) => Failure::Bug(error.to_string()),
         }
     }

@@ -4,6 +4,7 @@ use std::fmt;
 use std::path::Path;
 
 use super::Failure;
+use crate::file::replaceable;
 use crate::scene::keypath::clip;
 
 /// The most frames of one run.
@@ -18,7 +19,11 @@ pub struct Resolution {
     pub height: u32,
 }
 
-pub(crate) fn resolution(text: &str) -> Result<Resolution, String> {
+/// A size, `WIDTHxHEIGHT` in pixels.
+///
+/// # Errors
+/// A message that shows the form.
+pub fn resolution(text: &str) -> Result<Resolution, String> {
     let form = || format!("\"{}\" is not a size; write WIDTHxHEIGHT in pixels, as in 1920x1080", clip(text));
     let (width, height) = text.split_once(['x', 'X']).ok_or_else(form)?;
     let resolution = Resolution { width: whole(width).ok_or_else(form)?, height: whole(height).ok_or_else(form)? };
@@ -41,7 +46,11 @@ pub struct Crop {
     pub y1: u32,
 }
 
-pub(crate) fn crop(text: &str) -> Result<Crop, String> {
+/// A part of a picture, `x0,y0,x1,y1` in pixels.
+///
+/// # Errors
+/// A message that shows the form, or says that it is empty.
+pub fn crop(text: &str) -> Result<Crop, String> {
     let form = || format!("\"{}\" is not a crop; write x0,y0,x1,y1 in pixels, as in 100,50,200,150", clip(text));
     let mut numbers = text.split(',').map(|part| whole(part.trim()));
     let mut next = || numbers.next().flatten().ok_or_else(form);
@@ -80,7 +89,10 @@ impl Default for Frames {
 }
 
 /// Reads `5`, `1-10`, `1-10x2` and lists of them with commas.
-pub(crate) fn frames(text: &str) -> Result<Frames, String> {
+///
+/// # Errors
+/// A message that shows the form or names the limit of a million frames.
+pub fn frames(text: &str) -> Result<Frames, String> {
     let mut runs = Vec::new();
     let mut total = 0_u64;
     for part in text.split(',') {
@@ -92,8 +104,12 @@ pub(crate) fn frames(text: &str) -> Result<Frames, String> {
         }
         runs.push((first, last, step));
     }
-    let mut seen = std::collections::HashSet::new();
+    let one_run = runs.len() == 1;
     let numbers = runs.into_iter().flat_map(|(first, last, step)| (first..=last).step_by(step as usize));
+    if one_run {
+        return Ok(Frames(numbers.collect()));
+    }
+    let mut seen = std::collections::HashSet::new();
     Ok(Frames(numbers.filter(|&number| seen.insert(number)).collect()))
 }
 
@@ -123,21 +139,59 @@ fn whole(text: &str) -> Option<u32> {
 }
 
 /// An RMS error of sky visibility: above 0, up to 1.
-pub(crate) fn accuracy(text: &str) -> Result<f64, String> {
+///
+/// # Errors
+/// A message that shows the form.
+pub fn accuracy(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|&number: &f64| number > 0.0 && number <= 1.0);
     number.ok_or_else(|| format!("\"{}\" is no accuracy; write a number above 0 and up to 1, as in 0.01", clip(text)))
 }
 
+/// An amount of memory, in bytes: `2GiB`, `512MiB`, `1.5GB`, or a whole number of bytes.
+///
+/// # Errors
+/// A message that shows the form, or says that it is 0 or more than an address counts.
+pub fn size(text: &str) -> Result<u64, String> {
+    const UNITS: [(&str, u64); 9] = [
+        ("b", 1),
+        ("kb", 1000),
+        ("mb", 1_000_000),
+        ("gb", 1_000_000_000),
+        ("tb", 1_000_000_000_000),
+        ("kib", 1 << 10),
+        ("mib", 1 << 20),
+        ("gib", 1 << 30),
+        ("tib", 1 << 40),
+    ];
+    let form = || format!("\"{}\" is no amount of memory; write a number and a unit, as in 2GiB or 800MB", clip(text));
+    let end = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+    let (number, unit) = (&text[..end], text[end..].trim_start_matches(' ').to_ascii_lowercase());
+    let (whole_part, fraction) = number.split_once('.').unwrap_or((number, "0"));
+    let digits = |part: &str| !part.is_empty() && part.len() <= 18 && part.bytes().all(|b| b.is_ascii_digit());
+    if !digits(whole_part) || !digits(fraction) || unit.is_empty() && number.contains('.') {
+        return Err(form());
+    }
+    let factor = if unit.is_empty() { 1 } else { UNITS.iter().find(|(name, _)| *name == unit).ok_or_else(form)?.1 };
+    let part = |digits: &str| digits.parse::<u128>().unwrap_or(0) * u128::from(factor);
+    let bytes = part(whole_part) + part(fraction) / 10_u128.pow(fraction.len() as u32);
+    match u64::try_from(bytes) {
+        Ok(0) => Err(format!("\"{}\" leaves no memory at all; give more", clip(text))),
+        Ok(bytes) => Ok(bytes),
+        Err(_) => Err(format!("\"{}\" is more than any machine has", clip(text))),
+    }
+}
+
 /// The argument of `--set`, checked for its form only.
-pub(crate) fn setting(text: &str) -> Result<String, String> {
+///
+/// # Errors
+/// A message that shows the form.
+pub fn setting(text: &str) -> Result<String, String> {
     crate::scene::overrides::check_form(text).map(|()| text.to_owned())
 }
 
-/// An error unless the folder of an output file exists: better now than when the work is done.
+/// An error unless the folder of an output file exists and the file may be replaced: better now than when the work is done.
 pub(crate) fn folder_exists(file: &Path) -> Result<(), Failure> {
-    if file.is_dir() {
-        return Err(Failure::Output(format!("{}: it is a folder; name a file in it", file.display())));
-    }
+    replaceable(file).map_err(|e| Failure::Output(format!("{}: {e}", file.display())))?;
     match file.parent() {
         Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
             let message = format!("{}: the folder {} does not exist; make it first", file.display(), folder.display());
@@ -177,6 +231,20 @@ mod tests {
         for text in ["", "0", "-1", "1.01", "nan", "inf", "1 %"] {
             assert!(accuracy(text).unwrap_err().contains("as in 0.01"), "{text}");
         }
+    }
+
+    #[test]
+    fn amounts_of_memory() {
+        assert_eq!(
+            (size("2GiB"), size("1.5 kb"), size("100"), size("0.5KiB")),
+            (Ok(2 << 30), Ok(1500), Ok(100), Ok(512))
+        );
+        for text in ["", "GiB", "-1GiB", "1e9", "1.5", "2 giraffes", "1..2MB", "१GB", "inf", "1.GB", ".5GB"] {
+            assert!(size(text).unwrap_err().contains("as in 2GiB"), "{text}");
+        }
+        assert!(size("0MB").unwrap_err().contains("no memory"));
+        assert!(size("0.1b").unwrap_err().contains("no memory"));
+        assert!(size("99999999999999TiB").unwrap_err().contains("any machine"));
     }
 
     #[test]

@@ -25,12 +25,26 @@ pub struct HairModel {
     pub object: Vec<u16>,
 }
 
+/// Shorter segments, in render space, count as points: squares of their squares would be lost in single precision. Only a point far
+/// away from all other hair, which makes that small, leads to such.
+const SHORTEST: f64 = 1e-9;
+
 impl HairModel {
-    /// Adds the strands of one hair object. Segments of no length are left out: they cover nothing and have no direction.
+    /// Adds the strands of one hair object. Segments of next to no length are left out: they cover nothing and have no direction.
     ///
     /// Returns how many segments were left out.
     pub fn add(&mut self, strands: &Strands, object: u16) -> usize {
         let mut degenerate = 0;
+        let (points, segments) = (strands.point_count(), strands.segment_count());
+        // Grown bit by bit, each would for a while be held three times.
+        self.points.reserve(points);
+        self.width.reserve(points);
+        self.color.reserve(points);
+        self.arc.reserve(points);
+        self.segment_point.reserve(segments);
+        self.strand.reserve(segments);
+        self.transparency.reserve(segments);
+        self.object.reserve(strands.strand_count());
         for (index, bounds) in strands.first.windows(2).enumerate() {
             let strand = self.object.len() as u32;
             self.object.push(object);
@@ -42,7 +56,7 @@ impl HairModel {
                 if point > start {
                     let length = f64::from(position.distance(strands.points[point - 1]));
                     arc += length;
-                    if length > 0.0 {
+                    if length > SHORTEST {
                         self.segment_point.push(here - 1);
                         self.strand.push(strand);
                         let ends = [point - 1, point].map(|p| strands.transparency.at(index, p));

@@ -11,6 +11,9 @@ pub const DEFAULT_COLOR: Vec3 = Vec3::new(0.28, 0.18, 0.10);
 /// Transmittance of one crossing where nothing gives one: opaque.
 pub const DEFAULT_TRANSPARENCY: f32 = 0.0;
 
+/// Larger coordinates and widths are taken for damage: their squares, and what is computed from these, would not be finite for long.
+pub const LARGEST: f32 = 1e15;
+
 /// A quantity that is the same everywhere, or given per strand, or per point.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Attribute<T> {
@@ -100,9 +103,9 @@ pub enum Flaw {
 pub enum Damage {
     #[error("it has fewer than two points")]
     TooShort,
-    #[error("a coordinate is not a finite number")]
+    #[error("a coordinate is not a number up to 1e15")]
     PointNotFinite,
-    #[error("a width is negative or not a finite number")]
+    #[error("a width is not a number from 0 to 1e15")]
     BadWidth,
     #[error("a colour is not a finite number")]
     BadColor,
@@ -266,11 +269,12 @@ impl Strands {
             return Some(Damage::TooShort);
         }
         for point in range {
-            if !self.points[point].is_finite() {
+            let position = self.points[point];
+            if !position.is_finite() || position.abs().max_element() > LARGEST {
                 return Some(Damage::PointNotFinite);
             }
             let width = self.width.at(strand, point);
-            if !(width >= 0.0 && width.is_finite()) {
+            if !(0.0..=LARGEST).contains(&width) {
                 return Some(Damage::BadWidth);
             }
             if !self.color.at(strand, point).is_finite() {

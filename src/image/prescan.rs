@@ -2,7 +2,9 @@
 //! end of the file afterwards.
 //!
 //! - EXR (OpenEXR File Layout, version 2): magic, version and flags, then for each part attributes of name, type, size and
-//!   value, closed by an empty name; in a multi-part file one more empty name closes the list of parts.
+//!   value, closed by an empty name; in a multi-part file one more empty name closes the list of parts. The library reads the
+//!   values of types that it knows as these are made, whatever the size says, and goes on behind them: where the two differ it
+//!   would take what follows for other attributes than are seen here.
 //! - PNG (ISO/IEC 15948, 5.3): after eight bytes of signature chunks of length, type, data and checksum, up to `IEND`.
 
 use std::ffi::CStr;
@@ -46,7 +48,7 @@ fn check_attributes<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Re
             continue;
         }
         part_is_empty = false;
-        read_name(input, &mut position)?;
+        let kind = read_name(input, &mut position)?;
         let mut size = [0; 4];
         input.read_exact(&mut size)?;
         position += 4;
@@ -55,9 +57,75 @@ fn check_attributes<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Re
             let name = String::from_utf8_lossy(&name).into_owned();
             return Ok(Err(format!("the attribute {name:?} claims {size} bytes where the file has {left} left")));
         };
-        input.seek_relative(size)?;
+        let taken = match &kind[..] {
+            b"chlist" => channel_list_bytes(input, bytes)?,
+            b"preview" => preview_bytes(input, bytes)?,
+            _ => {
+                input.seek_relative(size)?;
+                FIXED.iter().find(|(name, _)| *name == &kind[..]).map(|(_, size)| *size)
+            }
+        };
+        if let Some(taken) = taken.filter(|&taken| taken != bytes) {
+            let (name, kind) = (String::from_utf8_lossy(&name), String::from_utf8_lossy(&kind));
+            return Ok(Err(format!("the attribute {name:?} of type {kind} claims {bytes} bytes but has {taken}")));
+        }
         position += bytes;
     }
+}
+
+/// Types whose values all have one size, in bytes.
+const FIXED: [(&[u8], u64); 24] = [
+    (b"box2f", 16),
+    (b"box2i", 16),
+    (b"chromaticities", 32),
+    (b"compression", 1),
+    (b"deepImageState", 1),
+    (b"double", 8),
+    (b"envmap", 1),
+    (b"float", 4),
+    (b"int", 4),
+    (b"keycode", 28),
+    (b"lineOrder", 1),
+    (b"m33d", 72),
+    (b"m33f", 36),
+    (b"m44d", 128),
+    (b"m44f", 64),
+    (b"rational", 8),
+    (b"tiledesc", 9),
+    (b"timecode", 8),
+    (b"v2d", 16),
+    (b"v2f", 8),
+    (b"v2i", 8),
+    (b"v3d", 24),
+    (b"v3f", 12),
+    (b"v3i", 12),
+];
+
+/// How many bytes a list of channels takes of the next `bytes`, all of which are passed: channels of a name and 16 bytes, and an
+/// empty name.
+fn channel_list_bytes(input: &mut impl BufRead, bytes: u64) -> io::Result<Option<u64>> {
+    let mut list = input.take(bytes);
+    let mut taken = 0;
+    while !read_name(&mut list, &mut taken)?.is_empty() {
+        let mut channel = [0; 16];
+        list.read_exact(&mut channel)?;
+        taken += 16;
+    }
+    io::copy(&mut list, &mut io::sink())?;
+    Ok(Some(taken))
+}
+
+/// How many bytes a preview says that it has, of the next `bytes`, all of which are passed: width, height and 4 bytes a pixel.
+fn preview_bytes<R: BufRead + Seek>(input: &mut R, bytes: u64) -> io::Result<Option<u64>> {
+    let mut size = [0; 8];
+    if bytes < 8 {
+        return Err(io::ErrorKind::UnexpectedEof.into());
+    }
+    input.read_exact(&mut size)?;
+    input.seek_relative(bytes as i64 - 8)?;
+    let [width, height] =
+        [0, 4].map(|at| u64::from(u32::from_le_bytes([size[at], size[at + 1], size[at + 2], size[at + 3]])));
+    Ok(Some((width * height).saturating_mul(4).saturating_add(8)))
 }
 
 fn check_chunks<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Result<Result<(), String>> {
@@ -115,6 +183,26 @@ mod tests {
             assert!(text.contains("note") && text.contains(part), "{text}");
         }
         assert!(result(0, &[vec![b'x'; 300], end]).is_err());
+    }
+
+    /// The library would read on behind the value, and take its next bytes for an attribute of any size.
+    #[test]
+    fn values_must_have_the_size_of_their_type() {
+        let typed =
+            |kind: &str, size: i32, value: &[u8]| [b"x\0", kind.as_bytes(), b"\0", &size.to_le_bytes(), value].concat();
+        let end = b"\0".to_vec();
+        let channel = [&b"R\0"[..], &[0; 16], b"\0"].concat();
+        let preview = [&2_u32.to_le_bytes()[..], &1_u32.to_le_bytes(), &[0; 8]].concat();
+        for (kind, value) in [("chlist", &channel), ("preview", &preview), ("v2i", &vec![0; 8]), ("odd", &vec![0; 5])] {
+            assert_eq!(result(0, &[typed(kind, value.len() as i32, value), end.clone()]), Ok(()), "{kind}");
+        }
+        let longer = [&channel[..], b"\0"].concat();
+        for (kind, value) in [("chlist", &longer), ("preview", &[&preview[..], b"\0"].concat()), ("int", &vec![0; 5])] {
+            let text = result(0, &[typed(kind, value.len() as i32, value), end.clone()]).unwrap_err();
+            assert!(text.contains(kind) && text.contains("but has"), "{text}");
+        }
+        assert!(result(0, &[typed("chlist", 17, &channel), end.clone()]).is_err(), "a list without end");
+        assert!(result(0, &[typed("preview", 4, &[0; 4]), end]).is_err());
     }
 
     #[test]

@@ -6,9 +6,9 @@ use super::library::{Header, OutputSpec};
 use super::{Error, MetaValue, PixelFormat, REC709, verify};
 use std::borrow::Cow;
 use std::collections::HashSet;
-use std::fs::{self, File, Permissions};
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
+
+use crate::file::{self, Temporary};
 
 /// An image to be written.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,58 +76,38 @@ pub fn write_atomic(path: &Path, spec: &ImageSpec, pixels: &[f32]) -> Result<Wri
     check_spec(path, spec, format, pixels.len())?;
     let (pixels, mut written) = fit(&spec.channels, pixels);
     let target = resolve(path)?;
-    let temporary = temporary_beside(&target, format)?;
+    let temporary = temporary_beside(path, &target, format)?;
     let output = output_spec(spec, format).map_err(Error::library(path, path, "describe the image"))?;
-    output.write(format.library_name(), &temporary, &pixels).map_err(Error::library(
+    output.write(format.library_name(), temporary.path(), &pixels).map_err(Error::library(
         path,
-        &temporary,
+        temporary.path(),
         "write the image",
     ))?;
-    written.bytes = verify::verify(&temporary, path, format, spec, &pixels)?;
-    // By name: the library has opened the file anew and might have replaced it.
-    File::open(&temporary).and_then(|file| file.sync_all()).map_err(Error::io(path, "flush the image to disk"))?;
-    temporary.persist(&target).map_err(|error| Error::io(path, "move the finished image into place")(error.error))?;
-    // The new name is durable once its directory is. Some file systems cannot flush one; the image is complete anyway.
-    if let Err(error) = File::open(directory(&target)).and_then(|folder| folder.sync_all()) {
-        tracing::debug!(path = %path.display(), %error, "cannot flush the directory");
-    }
+    written.bytes = verify::verify(temporary.path(), path, format, spec, &pixels)?;
+    temporary.persist(&target).map_err(Error::io(path, "move the finished image into place"))?;
     Ok(written)
 }
 
 /// Checks, before any work is spent on an image, that [`write_atomic`] could put a file there.
 ///
 /// # Errors
-/// For an unknown extension, a missing directory, one that cannot be written to, or a target that is no regular file.
+/// For an unknown extension, a missing directory, one that cannot be written to, or a target that is no regular file or read-only.
 pub fn check_target(path: &Path) -> Result<(), Error> {
     let format = FileFormat::from_path(path)?;
-    temporary_beside(&resolve(path)?, format).map(drop)
+    temporary_beside(path, &resolve(path)?, format).map(drop)
 }
 
 /// The file that `path` leads to: a symbolic link keeps its place and its target is replaced.
 fn resolve(path: &Path) -> Result<PathBuf, Error> {
-    if path.file_name().is_none() {
+    if path.file_name().is_none() || path.metadata().is_ok_and(|data| !data.is_file()) {
         return Err(Error::NotAFile { path: path.to_owned() });
     }
-    match fs::metadata(path) {
-        Ok(data) if !data.is_file() => Err(Error::NotAFile { path: path.to_owned() }),
-        Ok(_) => fs::canonicalize(path).map_err(Error::io(path, "find the image")),
-        Err(_) => Ok(path.to_owned()),
-    }
+    file::replaceable(path).map_err(Error::io(path, "replace it"))
 }
 
-fn directory(path: &Path) -> &Path {
-    path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
-fn temporary_beside(target: &Path, format: FileFormat) -> Result<tempfile::TempPath, Error> {
-    tempfile::Builder::new()
-        .prefix(".tress-")
-        .suffix(format.extension())
-        // As any new file: the process's umask takes away what it should. The default would be readable by us alone.
-        .permissions(Permissions::from_mode(0o666))
-        .tempfile_in(directory(target))
-        .map(tempfile::NamedTempFile::into_temp_path)
-        .map_err(Error::io(target, "create a file in its directory"))
+fn temporary_beside(path: &Path, target: &Path, format: FileFormat) -> Result<Temporary, Error> {
+    let folder = file::folder_of(target);
+    Temporary::in_folder(folder, format.extension()).map_err(Error::io(path, "create a file in its directory"))
 }
 
 fn check_spec(path: &Path, spec: &ImageSpec, format: FileFormat, values: usize) -> Result<(), Error> {

@@ -48,6 +48,18 @@ impl ClusterTree {
         Self { blocks, levels }
     }
 
+    /// What a tree over this many segments holds, in bytes.
+    pub fn bytes_for(segments: u64) -> u64 {
+        let blocks = segments.div_ceil(LANES as u64);
+        let (mut nodes, mut level) = (0, blocks);
+        while level > 0 {
+            level = level.div_ceil(LANES as u64);
+            nodes += level;
+            level = if level > 1 { level } else { 0 };
+        }
+        blocks * size_of::<Block>() as u64 + nodes * size_of::<Node>() as u64
+    }
+
     /// Memory held, in bytes.
     pub fn bytes(&self) -> usize {
         let nodes: usize = self.levels.iter().map(Vec::len).sum();

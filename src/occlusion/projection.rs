@@ -55,6 +55,9 @@ const TAPER_STEP: f32 = 0.1;
 /// Slices of one segment at most; reached only with faces below 1e-4 steradians.
 const MAX_SLICES: f32 = 1024.0;
 
+/// What is shorter, as a part of a segment may be, is nothing: squares would be lost in single precision.
+const SHORTEST: f32 = 1e-9;
+
 /// Projects a segment: gives `pieces` what each face sees of it, in order of face, one entry a face.
 ///
 /// `far_of(face)` is the distance from which on nothing counts in that face (the first opaque surface, or infinity).
@@ -70,7 +73,7 @@ pub fn project(
     pieces.clear();
     let along = segment.b - segment.a;
     let length = along.length();
-    if length <= 0.0 {
+    if length < SHORTEST {
         return;
     }
     let axis = along / length;
@@ -89,7 +92,9 @@ pub fn project(
         return;
     }
     let taper = (segment.widths[1] - segment.widths[0]) / length;
-    let width_at = |s: f32| segment.widths[0] + taper * (s - from);
+    // Between the widths of the ends, also where a segment is so short that `s` is mostly rounding error.
+    let narrowest = segment.widths[0].min(segment.widths[1]);
+    let width_at = |s: f32| (segment.widths[0] + taper * (s - from)).max(narrowest).min(width);
     let h = h2.sqrt();
     let angle_at = |s: f32| 2.0 * half_angle(width_at(s), h);
     let sink = &mut Sink { igloo, far_of, pieces, width_at: &width_at, angle_at: &angle_at };
@@ -297,13 +302,14 @@ impl Slice {
         angle * (self.h2 / distance2).sqrt()
     }
 
-    /// s2/r2 - s1/r1 without cancellation: with both of one sign it is h² (s2² - s1²) / (r1 r2 (s2 r1 + s1 r2)).
+    /// s2/r2 - s1/r1 without cancellation: with both of one sign it is h² (s2² - s1²) / (r1 r2 (s2 r1 + s1 r2)), as the product of
+    /// two ratios, since fourth powers of small lengths would be 0.
     #[inline]
     fn sine_difference(&self, from: f32, to: f32) -> f32 {
         let r1 = (self.h2 + from * from).sqrt();
         let r2 = (self.h2 + to * to).sqrt();
         if from * to > 0.0 {
-            self.h2 * (to - from) * (to + from) / (r1 * r2 * (to * r1 + from * r2))
+            self.h2 / (r1 * r2) * ((to - from) * (to + from) / (to * r1 + from * r2))
         } else {
             to / r2 - from / r1
         }

@@ -104,9 +104,10 @@ impl<const HEMISPHERE: bool> Walk<'_, HEMISPHERE> {
         let Lists { here, below, pieces } = &mut *lists;
         here.clear();
         here.append(1, |_| 0);
-        for nodes in tree.levels.iter().rev() {
+        for (level, nodes) in tree.levels.iter().enumerate().rev() {
             below.clear();
-            self.level(nodes, here.items(), below, &mut queues, scratch);
+            let children = if level > 0 { tree.levels[level - 1].len() } else { tree.blocks.len() };
+            self.level(nodes, children, here.items(), below, &mut queues, scratch);
             std::mem::swap(here, below);
         }
         pieces.clear();
@@ -124,9 +125,17 @@ impl<const HEMISPHERE: bool> Walk<'_, HEMISPHERE> {
         scratch.lists = lists;
     }
 
-    /// Nodes of one level: far children as lumps, the others to `below`.
+    /// Nodes of one level: far children as lumps, the others to `below`. There are `children` in the level below.
     #[inline(always)]
-    fn level(&self, nodes: &[Node], list: &[u32], below: &mut List<u32>, queues: &mut Queues, scratch: &mut Scratch) {
+    fn level(
+        &self,
+        nodes: &[Node],
+        children: usize,
+        list: &[u32],
+        below: &mut List<u32>,
+        queues: &mut Queues,
+        scratch: &mut Scratch,
+    ) {
         scratch.work += (LANES * list.len()) as u64;
         for &soon in &list[..AHEAD.min(list.len())] {
             prefetch(&nodes[soon as usize]);
@@ -138,8 +147,10 @@ impl<const HEMISPHERE: bool> Walk<'_, HEMISPHERE> {
             let node = &nodes[index as usize];
             let (splat, distance2, division) = lanes::node(&self.view, node);
             self.give(&splat, &distance2, &mut scratch.depth);
-            below.append(division.near, |lane| index * LANES as u32 + lane as u32);
-            for lane in bits(ALL & !(division.one | division.near)) {
+            // Lanes without child are far away, but not from every viewer, and not for an opening of 0.
+            let there = ALL >> LANES.saturating_sub(children - index as usize * LANES);
+            below.append(division.near & there, |lane| index * LANES as u32 + lane as u32);
+            for lane in bits(there & !(division.one | division.near)) {
                 let lane = lane as usize;
                 scratch.work += u64::from(division.lumps[lane]);
                 self.queue_rod(node, lane, kind(division.lumps[lane]), queues, &mut scratch.depth);

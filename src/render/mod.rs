@@ -5,6 +5,7 @@ mod draw;
 mod estimator;
 pub mod film;
 mod lighting;
+pub mod memory;
 pub mod output;
 mod pipeline;
 pub mod progress;

@@ -28,6 +28,11 @@ pub fn write(path: &Path, film: &Film, scene: &Scene, statistics: &Statistics) -
     if openexr { write_layers(path, film, scene, metadata) } else { write_display(path, film, scene, metadata) }
 }
 
+/// How many channels these layers have.
+pub fn channel_count(layers: &[Layer]) -> usize {
+    channels(layers).len()
+}
+
 /// A channel: its name, whether it is always 32-bit float, and its value.
 type Channel = (String, bool, fn(&Pixel) -> f32);
 

@@ -2,8 +2,8 @@
 
 use serde_json::{Number, Value};
 
-use super::keypath::{KeyPath, clip};
-use super::schema::{Kind, Rule, nearest, unknown_key};
+use super::keypath::{KeyPath, Step, clip};
+use super::schema::{Kind, Rule, nearest, show_number, unknown_key};
 
 /// Something to say about a value.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -116,8 +116,29 @@ fn mismatch(rule: &Rule, value: &Value, path: &KeyPath, findings: &mut Vec<Findi
     let of_tables = rule.items().is_some_and(|items| items.kind() == Kind::Table);
     if rule.kind() == Kind::List && of_tables && value.is_object() {
         message.push_str(&format!("; in TOML each item starts with [[{path}]], with two brackets"));
+    } else if let Some(advice) = advice(rule, path) {
+        message.push_str(&advice);
     }
     findings.push(Finding::value(path.clone(), message));
+}
+
+/// What to write in place of a value of another kind: the range, and a value that would do.
+fn advice(rule: &Rule, path: &KeyPath) -> Option<String> {
+    let key = path.steps().iter().rev().find_map(|step| match step {
+        Step::Key(key) => Some(key),
+        Step::Index(_) => None,
+    })?;
+    let example = rule.example()?;
+    let allowed = match rule.range() {
+        (Some(least), Some(most)) => format!(" (allowed: {} to {})", show_number(least), show_number(most)),
+        _ => String::new(),
+    };
+    let is_item = matches!(path.steps().last(), Some(Step::Index(_)));
+    Some(if is_item {
+        format!("; for example {example}{allowed}")
+    } else {
+        format!("; for example {key} = {example}{allowed}")
+    })
 }
 
 /// The number as an integer, where it is one: JSON schema and people both take 1e4 for a whole number.
@@ -129,12 +150,6 @@ fn whole(number: &Number) -> Option<Number> {
     }
     let value = number.as_f64()?;
     (value.fract() == 0.0 && value.abs() < EXACT).then(|| Number::from(value as i64))
-}
-
-/// A number as people write it: 0.01, 20000000, 1e-9, 1e20.
-fn show_number(value: f64) -> String {
-    let size = value.abs();
-    if value != 0.0 && !(1e-4..1e9).contains(&size) { format!("{value:e}") } else { format!("{value}") }
 }
 
 fn show(value: &Value) -> String {

@@ -9,8 +9,9 @@ use sha2::{Digest, Sha256};
 use super::check::{self, Finding, MAX_FINDINGS};
 use super::description::Description;
 use super::keypath::KeyPath;
+use super::parse as syntax;
 use super::spans::{Node, Origin, Place, Spans};
-use super::{overrides, parse, validate};
+use super::{overrides, validate};
 
 /// A scene file that was read and found sound, as far as that can be told without reading the files it names.
 #[derive(Clone, Debug)]
@@ -108,13 +109,21 @@ pub const MAX_PROBLEMS: usize = 20;
 /// # Errors
 /// All faults of the file at once, each with its place; see [`SceneError`].
 pub fn load(path: &Path, overrides: &[String]) -> Result<Document, SceneError> {
-    let format = Format::of(path)?;
-    let bytes = read(path)?;
+    // A name that cannot be a scene's is refused before anything is opened.
+    Format::of(path)?;
+    parse(&read(path)?, path, overrides)
+}
+
+/// [`load`] of a content that was read already; `path` says the format, what other paths are relative to, and serves for messages.
+///
+/// # Errors
+/// As [`load`].
+pub fn parse(bytes: &[u8], path: &Path, overrides: &[String]) -> Result<Document, SceneError> {
     let base_dir = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
         _ => PathBuf::from("."),
     };
-    from_bytes(&bytes, format, path, base_dir, overrides)
+    from_bytes(bytes, Format::of(path)?, path, base_dir, overrides)
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,7 +159,7 @@ fn read(path: &Path) -> Result<Vec<u8>, SceneError> {
     Ok(bytes)
 }
 
-/// [`load`] without the reading; `path` serves for messages.
+/// [`parse`] with what the path says given apart.
 pub(crate) fn from_bytes(
     bytes: &[u8],
     format: Format,
@@ -161,8 +170,8 @@ pub(crate) fn from_bytes(
     let source_hash = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
     let text = text_of(bytes, path)?;
     let parsed = match format {
-        Format::Toml => parse::toml(&text),
-        Format::Json => parse::json(&text),
+        Format::Toml => syntax::toml(&text),
+        Format::Json => syntax::json(&text),
     };
     let (mut value, root) = parsed.map_err(|errors| {
         let spans = Spans::new(path, text.clone(), Node::leaf(Origin::Text { key: 0, value: 0 }), &[]);

@@ -10,7 +10,7 @@ use crate::illumination::{Map, Mapping, Sources};
 use crate::image::{self, RgbImage};
 
 /// Larger maps are refused, in bytes of all their channels as `f32`: 16384x4096 pixels of three.
-const MAX_BYTES: u64 = 768 << 20;
+pub(crate) const MAX_BYTES: u64 = 768 << 20;
 
 /// The largest half: what is brighter, also infinite, is taken as this, so that sums stay finite.
 const LARGEST: f32 = 65_504.0;

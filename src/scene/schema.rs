@@ -164,6 +164,32 @@ impl Rule {
         })
     }
 
+    /// A value that fits, as TOML and `--set` write it: the default, else the least or 1; none where that says nothing.
+    pub fn example(&self) -> Option<String> {
+        let holds_tables = |value: &Value| {
+            value.is_object() || value.as_array().is_some_and(|items| items.iter().any(Value::is_object))
+        };
+        let empty = |value: &Value| value.as_array().is_some_and(Vec::is_empty);
+        if let Some(default) = self.default.filter(|value| !holds_tables(value) && !empty(value)) {
+            return Some(short(default));
+        }
+        let number = || {
+            let (least, most) = self.range();
+            1.0_f64.max(least.unwrap_or(1.0)).min(most.unwrap_or(f64::INFINITY))
+        };
+        match self.kind() {
+            Kind::Number | Kind::Integer => Some(number().to_string()),
+            Kind::Flag => Some("true".to_owned()),
+            Kind::Choice(words) => words.first().map(|word| format!("\"{word}\"")),
+            Kind::List => {
+                let (least, _) = self.item_count();
+                let item = self.items()?.example()?;
+                Some(format!("[{}]", vec![item; usize::try_from(least.unwrap_or(1).clamp(1, 4)).ok()?].join(", ")))
+            }
+            Kind::Table | Kind::Text | Kind::Any => None,
+        }
+    }
+
     /// What is expected here, in words: "a list of 3 numbers".
     pub fn expectation(&self) -> String {
         match self.kind() {
@@ -191,6 +217,21 @@ impl Rule {
             }
         }
     }
+}
+
+/// A value without needless digits: 5 for 5.0.
+pub(crate) fn short(value: &Value) -> String {
+    match value {
+        Value::Array(items) => format!("[{}]", items.iter().map(short).collect::<Vec<_>>().join(", ")),
+        Value::Number(n) => n.as_f64().map_or_else(|| n.to_string(), show_number),
+        other => other.to_string(),
+    }
+}
+
+/// A number as people write it: 0.01, 20000000, 1e-9, 1e20.
+pub(crate) fn show_number(value: f64) -> String {
+    let size = value.abs();
+    if value != 0.0 && !(1e-4..1e9).contains(&size) { format!("{value:e}") } else { format!("{value}") }
 }
 
 fn is_null(schema: &Value) -> bool {

@@ -134,7 +134,7 @@ fn schema_faults_are_named_with_line_and_column() {
         ),
         (
             "[camera]\nposition = \"x\"",
-            "scene.toml:2:12: camera.position: expected a list of 3 numbers, found a string (\"x\")",
+            "scene.toml:2:12: camera.position: expected a list of 3 numbers, found a string (\"x\"); for example position = [0, 0, 5]",
         ),
         (
             "camera.position = [1, 2]",
@@ -150,10 +150,16 @@ fn schema_faults_are_named_with_line_and_column() {
         ),
         (
             "occlusion.mode = 3",
-            "scene.toml:1:18: occlusion.mode: expected one of igloo, raytraced, auto, none, found the number 3",
+            "scene.toml:1:18: occlusion.mode: expected one of igloo, raytraced, auto, none, found the number 3; for example mode = \"igloo\"",
         ),
-        ("occlusion.faces = 1.5", "scene.toml:1:19: occlusion.faces: expected a whole number, found the number 1.5"),
-        ("camera.background = 1", "scene.toml:1:21: camera.background: expected true or false, found the number 1"),
+        (
+            "occlusion.faces = 1.5",
+            "scene.toml:1:19: occlusion.faces: expected a whole number, found the number 1.5; for example faces = 1 (allowed: 1 to 100000)",
+        ),
+        (
+            "camera.background = 1",
+            "scene.toml:1:21: camera.background: expected true or false, found the number 1; for example background = true",
+        ),
         ("camera = 1", "scene.toml:1:10: camera: expected a table, found the number 1"),
         (
             "[hair]\nwidth = 1",
@@ -403,7 +409,10 @@ fn faulty_overrides_name_themselves() {
             "camera.fov=500",
             "--set camera.fov=500: camera.fov is 500, outside 0.01 to 179 degrees (Vertical field of view)",
         ),
-        ("camera.fov=4O", "--set camera.fov=4O: camera.fov: expected a number, found a string (\"4O\")"),
+        (
+            "camera.fov=4O",
+            "--set camera.fov=4O: camera.fov: expected a number, found a string (\"4O\"); for example fov = 35 (allowed: 0.01 to 179)",
+        ),
         ("camera.fov=nan", "--set camera.fov=nan: nan is not a finite number; give one"),
         ("camera.fov.x=1", "--set camera.fov.x=1: camera.fov is a number: nothing is inside it"),
         ("hair.width=1", "--set hair.width=1: hair is a list: say which of its items is meant, as in hair[0].width"),

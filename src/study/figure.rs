@@ -129,9 +129,17 @@ impl Figure {
     pub fn read(path: &Path) -> Result<Self, FigureError> {
         let bytes = crate::file::read_regular(path, MAX_BYTES)
             .map_err(|source| FigureError::Read { path: path.to_owned(), source })?;
+        Self::parse(&bytes, path)
+    }
+
+    /// The content of a figure file; `path` serves for messages.
+    ///
+    /// # Errors
+    /// As [`Figure::read`].
+    pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, FigureError> {
         let invalid = |message| FigureError::Invalid { path: path.to_owned(), message };
-        let text = String::from_utf8(bytes).map_err(|_| invalid("it is not text in UTF-8".to_owned()))?;
-        let figure: Self = toml::from_str(&text).map_err(|e| invalid(e.to_string().trim_end().to_owned()))?;
+        let text = std::str::from_utf8(bytes).map_err(|_| invalid("it is not text in UTF-8".to_owned()))?;
+        let figure: Self = toml::from_str(text).map_err(|e| invalid(e.to_string().trim_end().to_owned()))?;
         figure.check().map_err(invalid)?;
         Ok(figure)
     }

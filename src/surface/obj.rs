@@ -48,13 +48,43 @@ pub enum Error {
 /// A file that cannot be read, a line that cannot be understood, an index out of range, a mesh without faces.
 pub fn load_obj(path: &Path) -> Result<Loaded, Error> {
     let bytes = read_regular(path, MAX_OBJ_BYTES).map_err(|source| Error::Read { path: path.into(), source })?;
-    let folder = path.parent().unwrap_or(Path::new(""));
-    load_bytes(&bytes, folder).map_err(|fault| match fault {
+    parse(&bytes, path, path.parent().unwrap_or(Path::new("")))
+}
+
+/// The content of an OBJ file; `path` serves for messages. What `mtllib` names is asked of `library`.
+///
+/// # Errors
+/// As [`load_obj`].
+pub fn parse(bytes: &[u8], path: &Path, library: &(impl Library + ?Sized)) -> Result<Loaded, Error> {
+    load_bytes(bytes, library).map_err(|fault| match fault {
         Fault::Line(BadLine { line, what }) => Error::Line { path: path.into(), line, what },
         Fault::NoFaces => Error::NoFaces { path: path.into() },
         Fault::Parse(source) => Error::Parse { path: path.into(), source },
         Fault::Mesh(source) => Error::Mesh { path: path.into(), source },
     })
+}
+
+/// Where the MTL files are that an OBJ file names.
+pub trait Library {
+    /// Whether there is a file of this name.
+    fn has(&self, name: &str) -> bool;
+
+    /// Its content.
+    ///
+    /// # Errors
+    /// A file that is not there, cannot be read or is too large.
+    fn read(&self, name: &str) -> std::io::Result<Vec<u8>>;
+}
+
+/// A folder.
+impl Library for Path {
+    fn has(&self, name: &str) -> bool {
+        self.join(name).is_file()
+    }
+
+    fn read(&self, name: &str) -> std::io::Result<Vec<u8>> {
+        read_regular(&self.join(name), MAX_MTL_BYTES)
+    }
 }
 
 /// An error that does not know its file yet.
@@ -66,15 +96,15 @@ enum Fault {
     Mesh(Flaw),
 }
 
-/// The mesh in the bytes of an OBJ file whose MTL files are looked for in `folder`.
-fn load_bytes(bytes: &[u8], folder: &Path) -> Result<Loaded, Fault> {
+/// The mesh in the bytes of an OBJ file.
+fn load_bytes(bytes: &[u8], library: &(impl Library + ?Sized)) -> Result<Loaded, Fault> {
     let screened = screen::obj(&decode(bytes)).map_err(Fault::Line)?;
     if screened.faces == 0 {
         return Err(Fault::NoFaces);
     }
     let mut notes = vec![];
-    let materials = read_libraries(folder, &screened.libraries, &mut notes);
-    let (models, materials) = parse(&screened.text, &materials).map_err(Fault::Parse)?;
+    let materials = read_libraries(library, &screened.libraries, &mut notes);
+    let (models, materials) = read_models(&screened.text, &materials).map_err(Fault::Parse)?;
     if screened.left_out > 0 {
         notes.push(format!("{} lines and points are left out", screened.left_out));
     }
@@ -95,15 +125,15 @@ fn decode(bytes: &[u8]) -> std::borrow::Cow<'_, str> {
 }
 
 /// The screened text of all MTL files that are there, one after the other.
-fn read_libraries(folder: &Path, libraries: &[String], notes: &mut Vec<String>) -> String {
+fn read_libraries(library: &(impl Library + ?Sized), libraries: &[String], notes: &mut Vec<String>) -> String {
     let mut text = String::new();
     for entry in libraries {
         // One name may hold spaces, or there may be several names.
         let whole = [entry.as_str()];
         let parts: Vec<&str> = entry.split_whitespace().collect();
-        let names = if folder.join(entry).is_file() { &whole[..] } else { &parts[..] };
+        let names = if library.has(entry) { &whole[..] } else { &parts[..] };
         for name in names {
-            match read_regular(&folder.join(name), MAX_MTL_BYTES) {
+            match library.read(name) {
                 Ok(bytes) => {
                     let from = notes.len();
                     text.push_str(&screen::mtl(&decode(&bytes), notes));
@@ -118,7 +148,7 @@ fn read_libraries(folder: &Path, libraries: &[String], notes: &mut Vec<String>) 
 
 type Parsed = (Vec<tobj::Model>, Vec<tobj::Material>);
 
-fn parse(text: &str, materials: &str) -> Result<Parsed, tobj::LoadError> {
+fn read_models(text: &str, materials: &str) -> Result<Parsed, tobj::LoadError> {
     let options = tobj::LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true };
     let (models, materials) =
         tobj::load_obj_buf(&mut text.as_bytes(), &options, |_| tobj::load_mtl_buf(&mut materials.as_bytes()))?;
@@ -374,7 +404,7 @@ mod tests {
                 bytes[at] = if value < 128 { value } else { b"0123456789-. \n#K"[usize::from(value) % 16] };
             }
             let text = screen::mtl(&decode(&bytes), &mut vec![]);
-            prop_assert!(parse("mtllib m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n", &text).is_ok());
+            prop_assert!(read_models("mtllib m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n", &text).is_ok());
         }
     }
 }

@@ -4,6 +4,7 @@
 //! anything, so a file cannot make it hold more than a small multiple of its own size; it ends in strands or in an
 //! [`enum@Error`] that names the file, the place and what was found there, never in a panic.
 
+mod extent;
 mod hair;
 mod text;
 mod tfx;
@@ -18,6 +19,7 @@ use super::strands::{Attribute, Dropped, Strands, bounds};
 use crate::file::read_regular;
 use crate::scene::description::{HairFormat, ThicknessIs};
 
+pub use extent::{Extent, extent};
 pub use write::write_hair;
 
 /// Files larger than this are refused, in bytes.

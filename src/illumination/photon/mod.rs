@@ -9,7 +9,7 @@ mod trace;
 
 pub use emission::{Emission, Emitter};
 pub use map::{Irradiance, PhotonMap};
-pub use trace::{Photon, trace};
+pub use trace::{MOST, Photon, trace};
 
 /// How photons are traced and counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -15,7 +15,7 @@ const LIVES: u32 = 0x4C49_5645;
 const TURN: u32 = 0x5455_524E;
 
 /// Most photons that are kept: 36 bytes each, and as much again for the trees over them.
-const MOST: usize = 8_000_000;
+pub const MOST: usize = 8_000_000;
 
 /// Paths that tell whether any light is reflected more than once at all.
 const PILOT: u32 = 4096;

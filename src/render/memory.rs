@@ -1,0 +1,272 @@
+//! How much memory a run will take, told from headers and counts before any of it is asked for.
+//!
+//! Sums of what is held at the same time, in bytes: counts times the sizes of what is stored, and for the structures of Embree and the parser of OBJ
+//! files what was measured (docs/robustness.md). It leaves out what only the work shows: how many tiles a segment touches beyond two,
+//! fragments of a pixel. So it is near what is taken at most, and no bound.
+
+use std::path::Path;
+
+use thiserror::Error;
+
+use super::film::Pixel;
+use super::output;
+use crate::fragment::PixelRect;
+use crate::hair::formats::{Extent, extent};
+use crate::illumination::photon;
+use crate::image;
+use crate::occlusion::ClusterTree;
+use crate::scene::Document;
+use crate::scene::description::{IndirectMode, OcclusionMode, Surface};
+
+/// The program, its libraries and their buffers.
+const PROGRAM: u64 = 120 << 20;
+/// What a thread keeps from tile to tile and from point to point.
+const THREAD: u64 = 4 << 20;
+/// A point of the model of all hair: position, colour, width, length along the strand; and the segment that begins there.
+const MODEL_POINT: u64 = 32 + 12;
+/// A segment for rays: vertex of four floats, index, depth, and Embree's tree while it is built, as measured.
+const RAY_SEGMENT: u64 = 24 + 76;
+/// A triangle and its share of vertices as they are held, and Embree's tree while it is built, as measured.
+const TRIANGLE: u64 = 64 + 150;
+/// Bytes that the reader of OBJ files holds for one byte of text, as measured.
+const OBJ_BYTE: u64 = 12;
+/// Bytes of an OBJ file for each triangle, at least, and so what a file may become.
+const OBJ_TRIANGLE: u64 = 20;
+/// Triangles of a sphere.
+const SPHERE_TRIANGLES: u64 = 20_480;
+/// A photon that is kept, and its share of the trees over them while they are built.
+const PHOTON: u64 = 120;
+/// Surfaces of medium grey reflect a photon as often, on the average.
+const PHOTON_ARRIVALS: u64 = 3;
+/// Image tiles that a segment is listed in, two on the average, and their counters.
+const BIN_SEGMENT: u64 = 8;
+
+/// What is to be done with a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Work {
+    /// All that it names is loaded.
+    Check,
+    /// Its hair is grown and written.
+    Grow,
+    /// Points of the picture are compared, all pixels or those of a window.
+    Crosscheck { window: Option<PixelRect>, threads: usize },
+    /// It is rendered, all pixels or those of a window.
+    Render { window: Option<PixelRect>, threads: usize },
+}
+
+/// Something that takes memory.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// What it is, as a user knows it: `hair[0].file (1200000 points)`.
+    pub what: String,
+    pub bytes: u64,
+}
+
+/// What a run takes at its most.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Estimate {
+    /// What is held at that time.
+    pub parts: Vec<Part>,
+}
+
+/// A run would take more memory than it may.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error(
+    "{scene}: some {} of memory are needed, more than the limit of {} ({limit_is}); most of it by {}: {}; ask for less, or raise the limit",
+    amount(*.bytes), amount(*.limit), .largest.what, amount(.largest.bytes)
+)]
+pub struct OverLimit {
+    pub scene: String,
+    pub bytes: u64,
+    pub limit: u64,
+    /// Where the limit comes from.
+    pub limit_is: &'static str,
+    pub largest: Part,
+}
+
+impl Estimate {
+    /// All parts together.
+    pub fn bytes(&self) -> u64 {
+        self.parts.iter().fold(0, |sum, part| sum.saturating_add(part.bytes))
+    }
+
+    /// An error where it is more than `limit`; `limit_is` says where that comes from.
+    ///
+    /// # Errors
+    /// [`OverLimit`], which names limit, estimate and the largest part.
+    pub fn within(&self, limit: u64, limit_is: &'static str, scene: &Path) -> Result<(), OverLimit> {
+        let bytes = self.bytes();
+        let Some(largest) = self.parts.iter().max_by_key(|part| part.bytes).filter(|_| bytes > limit) else {
+            return Ok(());
+        };
+        Err(OverLimit { scene: scene.display().to_string(), bytes, limit, limit_is, largest: largest.clone() })
+    }
+
+    fn add(&mut self, what: impl Into<String>, bytes: u64) {
+        if bytes > 0 {
+            self.parts.push(Part { what: what.into(), bytes });
+        }
+    }
+}
+
+/// An amount of memory as people write it: 3.25 GiB, 800 MiB.
+pub fn amount(bytes: u64) -> String {
+    let [mib, gib] = [20, 30].map(|shift| bytes as f64 / f64::from(1_u32 << shift));
+    match bytes {
+        0..0x10_0000 => format!("{bytes} bytes"),
+        0x10_0000..0x4000_0000 => format!("{mib:.0} MiB"),
+        _ => format!("{gib:.2} GiB"),
+    }
+}
+
+/// What `work` on a scene takes. Files are looked at, not read: those that cannot be count nothing, and are complained of when they are read.
+pub fn estimate(document: &Document, work: Work) -> Estimate {
+    let counts = Counts::of(document);
+    let loading = counts.loading(work);
+    let (window, threads, film) = match work {
+        Work::Check | Work::Grow => return loading,
+        Work::Crosscheck { window, threads } => (window, threads, false),
+        Work::Render { window, threads } => (window, threads, true),
+    };
+    let rendering = counts.rendering(document, window, threads, film);
+    if loading.bytes() > rendering.bytes() { loading } else { rendering }
+}
+
+/// A hair object.
+struct Hair {
+    what: String,
+    grown: bool,
+    extent: Extent,
+}
+
+/// What is in a scene.
+struct Counts {
+    hair: Vec<Hair>,
+    /// What each surface is, its triangles and the bytes of its file.
+    surfaces: Vec<(String, u64, u64)>,
+    /// What the environment map is, its pixels and all its floats.
+    map: Option<(String, u64, u64)>,
+}
+
+impl Counts {
+    fn of(document: &Document) -> Self {
+        let description = &document.description;
+        let hair = description.hair.iter().enumerate().filter_map(|(index, hair)| {
+            if let Some(file) = &hair.file {
+                let extent = extent(&document.resolve(file)).unwrap_or_default();
+                let what = format!("hair[{index}].file ({} points)", extent.points);
+                return Some(Hair { what, grown: false, extent });
+            }
+            let grow = hair.grow.as_ref()?;
+            let (strands, each) = (u64::from(grow.count), u64::from(grow.segments) + 1);
+            let points = strands * each;
+            let what = format!("hair[{index}].grow ({strands} strands of {each} points)");
+            Some(Hair {
+                what,
+                grown: true,
+                extent: Extent { strands, points, bytes: 16 * (points + strands), file_bytes: 0 },
+            })
+        });
+        let surfaces =
+            description.surface.iter().enumerate().map(|(index, surface)| surface_counts(document, index, surface));
+        let map = description.environment.file.as_ref().and_then(|file| {
+            let info = image::info(&document.resolve(file)).ok()?;
+            let pixels = u64::from(info.width) * u64::from(info.height);
+            // No larger map is read.
+            let floats = (pixels * info.channels.len() as u64).min(crate::scene::environment::MAX_BYTES / 4);
+            let what = format!("environment.file ({}x{} pixels)", info.width, info.height);
+            Some((what, pixels.min(floats), floats))
+        });
+        Self { hair: hair.collect(), surfaces: surfaces.collect(), map }
+    }
+
+    /// Points of all hair.
+    fn points(&self) -> u64 {
+        self.hair.iter().map(|hair| hair.extent.points).sum()
+    }
+
+    /// While what the scene names is loaded: all strands of files, one grown object at a time, the model of all hair, and the meshes.
+    fn loading(&self, work: Work) -> Estimate {
+        let mut sum = Estimate::default();
+        sum.add("the program itself", PROGRAM);
+        // Written hair is joined to one; hair that is drawn is copied into the model.
+        let copy = if work == Work::Grow { 40 } else { MODEL_POINT };
+        let largest = self.hair.iter().filter(|hair| hair.grown).map(|hair| hair.extent.bytes).max().unwrap_or(0);
+        let reading = self.hair.iter().map(|hair| hair.extent.file_bytes).max().unwrap_or(0);
+        for hair in &self.hair {
+            let held = match hair.grown {
+                false => hair.extent.bytes + if hair.extent.file_bytes == reading { reading } else { 0 },
+                true if work == Work::Grow || hair.extent.bytes == largest => hair.extent.bytes,
+                true => 0,
+            };
+            let copied = if hair.grown || work != Work::Grow { copy * hair.extent.points } else { 0 };
+            sum.add(&*hair.what, held + copied);
+        }
+        for (what, triangles, file_bytes) in &self.surfaces {
+            sum.add(&**what, 2 * 64 * triangles + OBJ_BYTE * file_bytes);
+        }
+        if let Some((what, pixels, floats)) = self.map.as_ref().filter(|_| work != Work::Grow) {
+            sum.add(&**what, 12 * pixels + 4 * floats);
+        }
+        sum
+    }
+
+    /// While it is rendered: the model, the structures over it, the film and the pixels of finished tiles.
+    fn rendering(&self, document: &Document, window: Option<PixelRect>, threads: usize, film: bool) -> Estimate {
+        let description = &document.description;
+        let (mode, points) = (description.occlusion.mode, self.points());
+        let mut sum = Estimate::default();
+        sum.add("the program itself", PROGRAM + THREAD * threads as u64);
+        for hair in &self.hair {
+            sum.add(&*hair.what, MODEL_POINT * hair.extent.points);
+        }
+        if points > 0 && matches!(mode, OcclusionMode::Igloo | OcclusionMode::Auto) {
+            // Ordering takes 16 bytes a segment.
+            sum.add(
+                format!("the tree of clusters over {points} segments"),
+                ClusterTree::bytes_for(points) + 16 * points,
+            );
+        }
+        let light = &description.light;
+        let direct = !light.point.is_empty() || !light.directional.is_empty();
+        let occluded =
+            mode != OcclusionMode::None && (mode != OcclusionMode::Igloo || description.occlusion.wants_calibration());
+        if points > 0 && (occluded || direct || !self.surfaces.is_empty() && mode != OcclusionMode::None) {
+            sum.add(format!("Embree's tree over {points} segments"), RAY_SEGMENT * points);
+        }
+        for (what, triangles, _) in &self.surfaces {
+            sum.add(&**what, TRIANGLE * triangles);
+        }
+        if let Some((what, pixels, _)) = &self.map {
+            // The illumination keeps one of its own.
+            sum.add(&**what, 2 * 12 * pixels);
+        }
+        if !self.surfaces.is_empty() && description.indirect.mode == IndirectMode::Photons {
+            let photons = u64::from(description.indirect.photons);
+            let kept = (PHOTON_ARRIVALS * photons).min(photon::MOST as u64);
+            sum.add(format!("the map of {photons} photons"), PHOTON * kept);
+        }
+        let [width, height] = description.camera.resolution;
+        let rect = window.unwrap_or(PixelRect::image([width, height]));
+        let pixels = [0, 1].map(|i| u64::from(rect.max[i].saturating_sub(rect.min[i]))).iter().product::<u64>();
+        sum.add(format!("tiles of {points} segments"), BIN_SEGMENT * points);
+        if film {
+            // Finished tiles, the film, and its copy while it is mended; written, the values of all channels, twice.
+            let shading = 3 * size_of::<Pixel>() as u64;
+            let writing = size_of::<Pixel>() as u64 + 2 * 4 * output::channel_count(&description.output.layers) as u64;
+            sum.add(format!("the picture of {pixels} pixels"), pixels * shading.max(writing));
+        }
+        sum
+    }
+}
+
+fn surface_counts(document: &Document, index: usize, surface: &Surface) -> (String, u64, u64) {
+    let key = format!("surface[{index}]");
+    let Some(file) = &surface.file else {
+        let triangles = if surface.sphere.is_some() { SPHERE_TRIANGLES } else { 2 };
+        return (key, triangles, 0);
+    };
+    let data = document.resolve(file).metadata().ok().filter(|data| data.is_file());
+    let bytes = data.map_or(0, |data| data.len());
+    (format!("{key}.file ({} of text)", amount(bytes)), bytes / OBJ_TRIANGLE, bytes)
+}
