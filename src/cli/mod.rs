@@ -13,6 +13,7 @@ mod man;
 pub mod progress;
 pub mod render;
 mod schema;
+mod study;
 mod summary;
 pub mod values;
 
@@ -40,6 +41,7 @@ enum Command {
     Check(check::Arguments),
     Crosscheck(crosscheck::Arguments),
     Figure(figure::Arguments),
+    Study(study::Arguments),
     Info(info::Arguments),
     Grow(grow::Arguments),
     Schema(schema::Arguments),
@@ -90,6 +92,7 @@ fn run(cli: Cli) -> ExitCode {
         Command::Check(arguments) => check::run(arguments, verbosity),
         Command::Crosscheck(arguments) => crosscheck::run(arguments, verbosity),
         Command::Figure(arguments) => figure::run(arguments, verbosity),
+        Command::Study(arguments) => study::run(arguments, verbosity),
         Command::Info(arguments) => info::run(arguments),
         Command::Grow(arguments) => grow::run(arguments, verbosity),
         Command::Schema(arguments) => schema::run(arguments),

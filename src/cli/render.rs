@@ -2,7 +2,6 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use clap::builder::PossibleValuesParser;
 
@@ -10,7 +9,7 @@ use super::values::{self, Crop, Frames, Resolution};
 use super::{Failure, Overrides, Verbosity, crosscheck, interrupt, load, progress::Reporter, summary};
 use crate::file::write_whole;
 use crate::fragment::PixelRect;
-use crate::render::{self, Options, RenderError, Statistics, output, progress::Progress, statistics::Stage};
+use crate::render::{self, Options, RenderError, Statistics, output, progress::Progress, statistics::Watch};
 use crate::scene::frame::frame_path;
 use crate::scene::{Document, Scene};
 use crate::study;
@@ -121,10 +120,10 @@ fn render_frame(
     for path in &outputs {
         output::check(path).map_err(|e| Failure::Output(e.to_string()))?;
     }
-    let begin = Instant::now();
+    let loading = Watch::start();
     progress.stage(&if numbered { format!("frame {frame}: loading") } else { "loading".to_owned() }, 0);
     let mut scene = Scene::load(request.document.at_frame(frame)).map_err(|e| Failure::Input(e.to_string()))?;
-    let loading = begin.elapsed();
+    let loading = loading.stage("loading");
     if !verbosity.quiet {
         scene.notes.iter().for_each(|note| progress.message(&format!("note: {note}")));
     }
@@ -133,8 +132,8 @@ fn render_frame(
     // The render takes them out of the scene.
     let surfaces = request.crosscheck.then(|| scene.surfaces.clone());
     let (film, mut statistics) = render::render(&mut scene, &options, progress)?;
-    statistics.stages.insert(0, Stage { name: "loading".to_owned(), seconds: loading.as_secs_f64(), peak_bytes: 0 });
-    let begin = Instant::now();
+    statistics.stages.insert(0, loading);
+    let watch = Watch::start();
     for path in &outputs {
         if progress.cancelled() {
             return Err(Failure::Interrupted);
@@ -148,7 +147,7 @@ fn render_frame(
             ));
         }
     }
-    statistics.stage("writing", begin.elapsed());
+    statistics.stage("writing", &watch);
     if !verbosity.quiet {
         summary::lines(&statistics, &outputs, verbosity.verbose > 0).iter().for_each(|line| progress.message(line));
     }
@@ -156,9 +155,9 @@ fn render_frame(
     scene.surfaces = surfaces;
     let settings =
         study::Settings { points: CROSSCHECK_POINTS, rays: None, accuracy: None, window, threads: request.threads };
-    let begin = Instant::now();
+    let watch = Watch::start();
     let mut report = study::crosscheck(&mut scene, &settings, progress)?;
-    statistics.stage("cross-check", begin.elapsed());
+    statistics.stage("cross-check", &watch);
     if !verbosity.quiet {
         crosscheck::lines(&report, verbosity.verbose > 0).iter().for_each(|line| progress.message(line));
     }

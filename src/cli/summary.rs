@@ -23,13 +23,14 @@ pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf], effects: bool)
             grouped(s.triangles)
         ),
         format!(
-            "time: {} ({:.2} s in all, {} threads); peak memory {:.0} MiB",
+            "time: {} ({:.2} s in all, {:.2} s of CPU time, {} threads); peak memory {:.0} MiB",
             s.stages
                 .iter()
                 .map(|stage| format!("{} {:.2} s", stage.name, stage.seconds))
                 .collect::<Vec<_>>()
                 .join(", "),
             s.seconds(),
+            s.all_cpu_seconds(),
             s.threads,
             s.stages.iter().map(|stage| stage.peak_bytes).max().unwrap_or(0) as f64 / (1 << 20) as f64
         ),

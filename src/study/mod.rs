@@ -1,5 +1,6 @@
 //! Studies of a scene: what the renderer's estimators and settings are worth on it, at single shading points and in whole pictures.
 
+pub mod accuracy;
 pub mod crosscheck;
 pub mod figure;
 pub mod mosaic;
