@@ -13,6 +13,7 @@ use crate::render::{self, Options, RenderError, Statistics, output, progress::Pr
 use crate::scene::frame::frame_path;
 use crate::scene::{Document, Scene};
 use crate::study;
+use crate::study::controlled::{Goal, render_to};
 
 /// Render a scene to an image
 #[derive(clap::Args)]
@@ -34,6 +35,12 @@ pub(crate) struct Arguments {
     /// Frames to render: 5, 1-10, 1-10x2 (each second) or a list of these with commas; 1 unless given
     #[arg(long, value_name = "FRAMES", value_parser = values::frames, allow_hyphen_values = true)]
     frames: Option<Frames>,
+    /// Render to this relative RMS error of the picture, as in 0.01: settings and passes are found on the scene itself, and the summary says with a 95 % interval what error came of it
+    #[arg(long, value_name = "X", value_parser = values::accuracy, allow_negative_numbers = true, conflicts_with = "max_time")]
+    max_error: Option<f64>,
+    /// Render as accurately as this time allows, as in 60s or 5m: a picture that differs from run to run
+    #[arg(long, value_name = "TIME", value_parser = values::duration)]
+    max_time: Option<f64>,
     /// Number of threads; one a processor unless given. The picture does not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -76,6 +83,8 @@ pub struct RenderRequest {
     pub strict: bool,
     /// Whether the estimators of hair occlusion are compared after the render.
     pub crosscheck: bool,
+    /// An error or a time to render to, with settings of its own.
+    pub goal: Option<Goal>,
     /// Where statistics go.
     pub stats: Option<PathBuf>,
 }
@@ -131,7 +140,10 @@ fn render_frame(
     let options = Options { window, threads: request.threads };
     // The render takes them out of the scene.
     let surfaces = request.crosscheck.then(|| scene.surfaces.clone());
-    let (film, mut statistics) = render::render(&mut scene, &options, progress)?;
+    let (film, mut statistics) = match request.goal {
+        Some(goal) => render_to(&mut scene, goal, &options, progress)?,
+        None => render::render(&mut scene, &options, progress)?,
+    };
     statistics.stages.insert(0, loading);
     let watch = Watch::start();
     for path in &outputs {
@@ -213,8 +225,9 @@ fn request(arguments: Arguments, verbosity: Verbosity) -> Result<RenderRequest, 
     }
     window(arguments.crop, &document)?;
     let threads = arguments.threads.map(usize::from);
+    let goal = arguments.max_error.map(Goal::Error).or(arguments.max_time.map(Goal::Time));
     let Arguments { crop, strict, crosscheck, stats, .. } = arguments;
-    Ok(RenderRequest { document, outputs, frames, crop, threads, strict, crosscheck, stats })
+    Ok(RenderRequest { document, outputs, frames, crop, threads, strict, crosscheck, goal, stats })
 }
 
 /// The pixels of `--crop`; none where it is not given.

@@ -161,6 +161,10 @@ fn metadata(scene: &Scene, statistics: &Statistics) -> Vec<(String, MetaValue)> 
     if let Some(settled) = &statistics.occlusion {
         metadata.push(("tress:occlusionFound".to_owned(), json(serde_json::to_string(settled))));
     }
+    if let Some(claim) = &statistics.claim {
+        metadata.push(("tress:error".to_owned(), MetaValue::Float(claim.error as f32)));
+        metadata.push(("tress:errorInterval".to_owned(), MetaValue::Floats(vec![claim.low as f32, claim.high as f32])));
+    }
     if !description.output.reproducible {
         metadata.push(("tress:renderSeconds".to_owned(), MetaValue::Float(statistics.seconds() as f32)));
     }

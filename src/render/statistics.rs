@@ -71,6 +71,24 @@ pub struct Parts {
     pub direct: f64,
 }
 
+/// The error that a render claims: relative root mean square error of the beauty over the pixels in which something is seen, noise and bias together.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Claim {
+    /// What was asked for; none where the time was.
+    pub asked: Option<f64>,
+    pub error: f64,
+    /// 95 times in 100 the error lies between these.
+    pub low: f64,
+    pub high: f64,
+    /// Pixels that it was found at.
+    pub pixels: usize,
+    /// The settings' name, and what they are.
+    pub settings: String,
+    pub set: Vec<String>,
+    /// Whether it is what was asked for.
+    pub reached: bool,
+}
+
 /// Statistics of a render.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Statistics {
@@ -92,6 +110,9 @@ pub struct Statistics {
     pub occlusion: Option<Settled>,
     /// Passes whose mean the picture is.
     pub passes: u32,
+    /// The error of the picture, where it was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub claim: Option<Claim>,
     /// Mean of the picture, linear Rec.709.
     pub mean: [f32; 3],
 }

@@ -21,7 +21,7 @@ const REFERENCE: u32 = 0x5245_4652;
 const PROBE: u32 = 0x5052_4F42;
 
 /// Pixels of a probe.
-const PROBED: u32 = 48;
+const PROBED: u32 = 32;
 
 /// Forwards nothing but the wish to stop.
 pub(super) struct Quiet<'a>(pub &'a dyn Progress);

@@ -57,6 +57,9 @@ const PROBE_SIDE: f64 = 96.0;
 const MOST_PASSES: u32 = 32;
 const ENOUGH: f64 = 0.0015;
 
+/// Share of a budget that may go into finding out how long settings take.
+const FOR_PROBES: f64 = 0.12;
+
 /// Share of a budget that the reference may take.
 const FOR_REFERENCE: f64 = 0.45;
 
@@ -114,6 +117,7 @@ struct Planned<'a> {
 
 /// Probes all settings at a small size and plans; a plan that was made before for the same is taken again, so that a study can go on.
 fn planned<'a>(scene: &Path, options: &Options, progress: &'a dyn Progress) -> Result<Planned<'a>, StudyError> {
+    let begin = Instant::now();
     let threads = options.threads;
     let bench = Bench::new(scene, &options.overrides, None, threads, progress)?;
     bench.notes().iter().for_each(|note| progress.message(&format!("note: {note}")));
@@ -131,17 +135,25 @@ fn planned<'a>(scene: &Path, options: &Options, progress: &'a dyn Progress) -> R
             let small = size.map(|side| (f64::from(side) * scale).round().max(1.0) as u32);
             let mut probing = Bench::new(scene, &options.overrides, Some(small), threads, progress)?;
             progress.stage("probing", cases.len() as u64 + 1);
-            let of_reference = probing.probe(&reference)?;
-            progress.advance(1);
-            let mut paces = Vec::new();
-            for case in &cases {
-                paces.push(probing.probe(&case.set)?);
-                progress.advance(1);
+            let time = options.budget.unwrap_or(0.0);
+            // Without a budget nothing depends on it: each render then counts the same.
+            let mut paces = vec![Pace { before: 1.0, pixel: 0.0 }; cases.len()];
+            let mut of_reference = Pace { before: 1.0, pixel: 0.0 };
+            if options.budget.is_some() {
+                of_reference = probing.probe(&reference)?;
+                let probing_since = Instant::now();
+                for (index, case) in cases.iter().enumerate() {
+                    // What comes after is taken for the scene as it is; when its turn comes the time is looked at again.
+                    let late = index > 0 && probing_since.elapsed().as_secs_f64() > FOR_PROBES * time;
+                    paces[index] = if late { paces[0] } else { probing.probe(&case.set)? };
+                    progress.advance(1);
+                }
             }
             let knobs = cases.iter().filter(|case| case.setting.starts_with("knob")).count();
             // The default and the coarser half of the knob are what a study cannot do without.
             let kept = 1 + knobs.min(KNOB.len() / 2);
-            let plan = plan(size, &paces, &names, of_reference, options.repeats, kept, options.budget);
+            let left = options.budget.map(|budget| (budget - begin.elapsed().as_secs_f64()).max(0.2 * budget));
+            let plan = plan(size, &paces, &names, of_reference, options.repeats, kept, left);
             let text = serde_json::to_vec(&(key, &plan, &paces)).unwrap_or_default();
             write_whole(&path, |out| out.write_all(&text)).map_err(|e| output_error(&path, &e))?;
             (plan, paces)
@@ -230,13 +242,13 @@ impl Work<'_> {
     ) -> Result<Option<(Vec<Measured>, Vec<RgbImage>)>, StudyError> {
         let (mut all, mut pictures) = (Vec::new(), Vec::new());
         let label = format!("{} = {}", case.setting, case.value);
+        let pixels = bench.size().iter().map(|&side| f64::from(side)).product();
+        let expected = self.paces.get(index).map_or(0.0, |pace| pace.of(pixels));
         for repeat in 0..self.options.repeats {
             let seed = bench.repeat_seed(repeat);
             let (measured, picture) = match self.state.find(&bench.key(&case.set, seed)) {
                 Some(found) => found,
                 None => {
-                    let pixels = bench.size().iter().map(|&side| f64::from(side)).product();
-                    let expected = self.paces.get(index).map_or(0.0, |pace| pace.of(pixels));
                     let over = |budget: f64| self.elapsed() + expected > budget;
                     // The first of all is done in any case: without it there is nothing to show.
                     if index > 0 && self.options.budget.is_some_and(over) {
@@ -249,7 +261,7 @@ impl Work<'_> {
                     done
                 }
             };
-            self.progress.advance((1000.0 * measured.seconds()[1]) as u64);
+            self.progress.advance((1000.0 * expected) as u64);
             all.push(measured);
             pictures.push(picture.rgb);
         }
