@@ -132,7 +132,16 @@ pub(crate) fn accuracy(text: &str) -> Result<f64, String> {
 pub(crate) fn duration(text: &str) -> Result<f64, String> {
     let form = || format!("\"{}\" is no time; write 90s, 5m or 1h", clip(text));
     let (number, unit) = match text.strip_suffix(['s', 'm', 'h']) {
-        Some(number) => (number, if text.ends_with('m') { 60.0 } else if text.ends_with('h') { 3600.0 } else { 1.0 }),
+        Some(number) => (
+            number,
+            if text.ends_with('m') {
+                60.0
+            } else if text.ends_with('h') {
+                3600.0
+            } else {
+                1.0
+            },
+        ),
         None => (text, 1.0),
     };
     let plain = !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');

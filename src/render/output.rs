@@ -63,10 +63,16 @@ fn channels(layers: &[Layer]) -> Vec<Channel> {
             }
             Layer::StandardError => [|f, i| f.error_of(i).x, |f, i| f.error_of(i).y, |f, i| f.error_of(i).z],
             Layer::Direct => [|f, i| f.pixels[i].direct.x, |f, i| f.pixels[i].direct.y, |f, i| f.pixels[i].direct.z],
-            Layer::Environment => [|f, i| f.pixels[i].environment.x, |f, i| f.pixels[i].environment.y, |f, i| f.pixels[i].environment.z],
-            Layer::EnvironmentUnoccluded => [|f, i| f.pixels[i].unoccluded.x, |f, i| f.pixels[i].unoccluded.y, |f, i| f.pixels[i].unoccluded.z],
+            Layer::Environment => {
+                [|f, i| f.pixels[i].environment.x, |f, i| f.pixels[i].environment.y, |f, i| f.pixels[i].environment.z]
+            }
+            Layer::EnvironmentUnoccluded => {
+                [|f, i| f.pixels[i].unoccluded.x, |f, i| f.pixels[i].unoccluded.y, |f, i| f.pixels[i].unoccluded.z]
+            }
             Layer::Normal => [|f, i| f.pixels[i].normal.x, |f, i| f.pixels[i].normal.y, |f, i| f.pixels[i].normal.z],
-            Layer::Tangent => [|f, i| f.pixels[i].tangent.x, |f, i| f.pixels[i].tangent.y, |f, i| f.pixels[i].tangent.z],
+            Layer::Tangent => {
+                [|f, i| f.pixels[i].tangent.x, |f, i| f.pixels[i].tangent.y, |f, i| f.pixels[i].tangent.z]
+            }
         };
         let (name, parts, float) = match layer {
             Layer::Direct => ("direct", ["R", "G", "B"], false),

@@ -337,7 +337,10 @@ impl Validator<'_> {
             self.error(&key, message);
         }
         if output.layers.contains(&Layer::Cost) && output.reproducible {
-            self.warn(&key, format!("{key} has cost, which differs from run to run, though output.reproducible is true"));
+            self.warn(
+                &key,
+                format!("{key} has cost, which differs from run to run, though output.reproducible is true"),
+            );
         }
         if output.file.as_ref().is_some_and(|file| file.as_os_str().is_empty()) {
             let key = path.key("file");

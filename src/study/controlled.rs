@@ -28,13 +28,13 @@ const TRUTH: u32 = 0x5452_5554;
 const TRIAL: u32 = 0x5452_4941;
 
 /// Pixels that choose, and as many that judge.
-const PIXELS: usize = 128;
+const PIXELS: usize = 96;
 /// Pixels looked at for one of these, at the most.
 const LOOKED_AT: usize = 64;
 
 /// Faces and layers of the reference.
-const FACES: u32 = 144;
-const LAYERS: u32 = 256;
+const FACES: u32 = 100;
+const LAYERS: u32 = 64;
 
 /// What is aimed at, as a share of the error asked for: bias and noise are estimates.
 const AIM: f64 = 0.85;
@@ -179,9 +179,13 @@ impl Job<'_> {
                 let pixel = (unit(&[DRAW, seed, number]) * all as f64) as usize;
                 number += 1;
                 // The last ones of a small picture would take for ever to be drawn.
-                let pixel = if number as usize > 4 * all { (0..all).find(|p| !drawn.contains(p)).unwrap_or(0) } else { pixel };
+                let pixel =
+                    if number as usize > 4 * all { (0..all).find(|p| !drawn.contains(p)).unwrap_or(0) } else { pixel };
                 if drawn.insert(pixel) {
-                    some.push([window.min[0] + (pixel % width as usize) as u32, window.min[1] + (pixel / width as usize) as u32]);
+                    some.push([
+                        window.min[0] + (pixel % width as usize) as u32,
+                        window.min[1] + (pixel / width as usize) as u32,
+                    ]);
                 }
             }
             let looked = prepared.pixels(&some, seed, progress)?;
@@ -225,12 +229,15 @@ impl Job<'_> {
             };
             let trial = self.trial(place, truths, level)?;
             trials.push(trial);
-            // A single pass takes more than all passes of what was found before: finer ones more still.
-            let best = match self.goal {
-                Goal::Error(error) => total(&trials, error),
-                Goal::Time(_) => left,
+            let done = match self.goal {
+                // A single pass is enough, or this place takes more than an earlier one: finer ones take more still.
+                Goal::Error(error) => {
+                    let enough = trial.passes((AIM * error).powi(2)) == Some(1);
+                    enough || total(&trials[..trials.len() - 1], error) < total(&[trial], error).max(trial.work)
+                }
+                Goal::Time(_) => trial.work > left,
             };
-            if trial.work > best {
+            if done {
                 break;
             }
         }
@@ -350,16 +357,14 @@ impl Job<'_> {
     /// The error of the finished picture, by the pixels that had no part in it.
     fn claim(&self, film: &Film, judging: &[Truth], trial: Trial) -> Option<Claim> {
         let seen = film.pixels.iter().filter(|pixel| pixel.alpha > 0.0);
-        let (sum, count) = seen.fold((0.0, 0.0), |(sum, count), pixel| {
-            (sum + pixel.beauty.as_dvec3().element_sum() / 3.0, count + 1.0)
-        });
+        let (sum, count) = seen
+            .fold((0.0, 0.0), |(sum, count), pixel| (sum + pixel.beauty.as_dvec3().element_sum() / 3.0, count + 1.0));
         let level = sum / count;
         if !(level > 0.0) {
             return None;
         }
-        let index = |[x, y]: [u32; 2]| {
-            (y - film.window.min[1]) as usize * film.width() + (x - film.window.min[0]) as usize
-        };
+        let index =
+            |[x, y]: [u32; 2]| (y - film.window.min[1]) as usize * film.width() + (x - film.window.min[0]) as usize;
         let squares: Vec<f64> = judging
             .iter()
             .map(|truth| {

@@ -176,10 +176,7 @@ impl<'a> Bench<'a> {
                 stages.push(watch.stage("rendering"));
                 let key = key(&[&base, &set.join("\n"), &seed.to_string()]);
                 let label = label.to_owned();
-                done(
-                    Measured { key, label, seed, stages, peak_bytes: peak_memory(), own_peak },
-                    picture(&film),
-                )?;
+                done(Measured { key, label, seed, stages, peak_bytes: peak_memory(), own_peak }, picture(&film))?;
             }
             Ok(())
         })?

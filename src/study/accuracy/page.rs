@@ -116,7 +116,9 @@ fn main_plot(study: &Study) -> String {
     };
     let legend: String = names
         .iter()
-        .map(|name| format!("<span class=\"key\"><i class=\"dot b{}\"></i>{}</span>", colour_of(&names, name), escape(name)))
+        .map(|name| {
+            format!("<span class=\"key\"><i class=\"dot b{}\"></i>{}</span>", colour_of(&names, name), escape(name))
+        })
         .collect();
     format!(
         "<section><h2>Error against time</h2>\n<figure>{}<p class=\"legend\">{legend}</p>\
@@ -178,7 +180,8 @@ fn sweeps(study: &Study) -> String {
 fn pictures(study: &Study, shown: &Shown<'_>) -> Result<String, image::Error> {
     let mut chosen: Vec<usize> = Vec::new();
     // The ends of the frontier and what is advised, by time.
-    let wanted = study.frontier.first().into_iter().chain(study.advice.iter().filter_map(|advice| advice.point.as_ref()));
+    let wanted =
+        study.frontier.first().into_iter().chain(study.advice.iter().filter_map(|advice| advice.point.as_ref()));
     for &index in wanted.chain(study.frontier.last()).chain([&0]) {
         if !chosen.contains(&index) && shown.pictures.get(index).is_some_and(Option::is_some) {
             chosen.push(index);
@@ -191,7 +194,9 @@ fn pictures(study: &Study, shown: &Shown<'_>) -> Result<String, image::Error> {
     for index in chosen {
         let (Some(picture), point) = (shown.pictures[index].as_ref(), &study.points[index]) else { continue };
         let exposed = |image: &RgbImage| exposed(image, shown.exposure);
-        let Some((magnified, _)) = difference(&exposed(shown.reference), &exposed(picture), MAGNIFIED) else { continue };
+        let Some((magnified, _)) = difference(&exposed(shown.reference), &exposed(picture), MAGNIFIED) else {
+            continue;
+        };
         out.push_str(&format!(
             "<figure><img src=\"{}\" alt=\"{1}\"><img src=\"{2}\" alt=\"its difference from the reference\"><figcaption><b>{1}</b><br>error {3}, {4}<br>FLIP {5:.4}</figcaption></figure>\n",
             png(picture, shown.exposure)?,
@@ -287,7 +292,7 @@ fn method(study: &Study) -> String {
     let m = &study.machine;
     let [seen, all] = study.reference.seen;
     format!(
-        "<section class=\"method\"><h2>How it was measured</h2>\n<dl>\n<dt>Reference</dt><dd>{} passes in two independent halves, <code>{}</code>; {} of CPU time. Its standard error, {}, comes from the difference of the halves and is taken out of all errors. What it does not resolve (the error of {} faces) no error contains.</dd>\n\
+        "<section class=\"method\"><h2>How it was measured</h2>\n<dl>\n<dt>Reference</dt><dd>{} passes in two independent halves, <code>{}</code>; {} of CPU time. Its standard error, {}, comes from the difference of the halves and is taken out of all errors. What it does not resolve (the error of its faces) no error contains.</dd>\n\
          <dt>Pictures</dt><dd>{}×{} pixels, something is seen in {seen} of {all}; {} of each setting, with different seeds, which tells noise from bias.</dd>\n\
          <dt>Time</dt><dd>CPU time of all threads, from structures to the last pixel; loading and writing files are not in it.</dd>\n\
          <dt>Machine</dt><dd>{}, {} processors, {} threads, {}{}; tress {}.</dd>\n\
@@ -296,7 +301,6 @@ fn method(study: &Study) -> String {
         escape(&study.reference.set.join(" ")),
         seconds(study.reference.cpu_seconds),
         percent(study.reference.standard_error),
-        super::settings::REFERENCE_FACES,
         study.size[0],
         study.size[1],
         study.repeats,
@@ -324,12 +328,17 @@ mod tests {
         let text = page(&study, &Shown { reference: &reference, pictures: &pictures, exposure: 0.0 }).unwrap();
         // As XML, but for what HTML writes without an end.
         let xml = text.replace("<!DOCTYPE html>\n", "");
-        let void = ["<meta charset=\"utf-8\">", "content=\"width=device-width, initial-scale=1\">", "content=\"light dark\">"];
+        let void =
+            ["<meta charset=\"utf-8\">", "content=\"width=device-width, initial-scale=1\">", "content=\"light dark\">"];
         let xml = void.iter().fold(xml, |xml, tag| xml.replace(tag, &format!("{}/>", &tag[..tag.len() - 1])));
         let xml = xml.replace("<br>", "<br/>");
         let mut closed = String::new();
         for (i, part) in xml.split("<img ").enumerate() {
-            closed.push_str(&if i == 0 { part.to_owned() } else { format!("<img {}", part.replacen("\">", "\"/>", 1)) });
+            closed.push_str(&if i == 0 {
+                part.to_owned()
+            } else {
+                format!("<img {}", part.replacen("\">", "\"/>", 1))
+            });
         }
         let document = roxmltree::Document::parse(&closed).unwrap_or_else(|e| panic!("{e}"));
         let count = |name: &str| document.descendants().filter(|node| node.has_tag_name(name)).count();

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::measure::Pace;
 
 /// The least pixels of a picture that is still worth looking at.
-const FEWEST_PIXELS: f64 = 4096.0;
+pub(super) const FEWEST_PIXELS: f64 = 2304.0;
 
 /// Share of a budget that renders may take: pictures are also compared and written.
 const FOR_RENDERS: f64 = 0.85;
@@ -22,6 +22,8 @@ pub(super) struct Plan {
     pub left_out: Vec<usize>,
     /// Wall seconds that all renders are expected to take.
     pub seconds: f64,
+    /// Settings of the reference.
+    pub reference: Vec<String>,
     /// What was cut, in words.
     pub cut: Vec<String>,
 }
@@ -45,7 +47,7 @@ pub(super) fn plan(
         cases.fold(fixed, |sum, pace| Pace { before: sum.before + n * pace.before, pixel: sum.pixel + n * pace.pixel })
     };
     let Some(budget) = budget else {
-        return Plan { size, left_out, seconds: cost(&[]).of(whole), cut: Vec::new() };
+        return Plan { size, left_out, seconds: cost(&[]).of(whole), reference: Vec::new(), cut: Vec::new() };
     };
     let affordable = |left_out: &[usize]| {
         let cost = cost(left_out);
@@ -71,7 +73,7 @@ pub(super) fn plan(
         cut.push(format!("pictures are of {to} pixels in place of {from}"));
     }
     let pixels = f64::from(fitted[0]) * f64::from(fitted[1]);
-    Plan { size: fitted, seconds: cost(&left_out).of(pixels), left_out, cut }
+    Plan { size: fitted, seconds: cost(&left_out).of(pixels), left_out, reference: Vec::new(), cut }
 }
 
 #[cfg(test)]
@@ -104,6 +106,6 @@ mod tests {
         assert!(plan.cut[0].contains("case 1") && plan.seconds <= 60.0, "{plan:?}");
         // Not even the first fits: it is done all the same, as small as can be.
         let plan = of(&[DEAR, CHEAP], Some(1.0));
-        assert_eq!((plan.left_out, plan.size[0] * plan.size[1] <= 4096), (vec![1], true));
+        assert_eq!((plan.left_out, plan.size[0] * plan.size[1] <= 2304), (vec![1], true));
     }
 }

@@ -213,7 +213,14 @@ pub(super) mod tests {
             setting: setting.to_owned(),
             value: value.to_owned(),
             set: vec![format!("sampling.layers={value}"), "occlusion.mode=igloo".to_owned()],
-            errors: Errors { rms, noise: Some(rms / 2.0), bias: rms * 0.8, mean: -rms / 3.0, max: rms * 9.0, flip: 0.01 },
+            errors: Errors {
+                rms,
+                noise: Some(rms / 2.0),
+                bias: rms * 0.8,
+                mean: -rms / 3.0,
+                max: rms * 9.0,
+                flip: 0.01,
+            },
             cpu_seconds: cpu,
             cpu_spread: 0.1,
             wall_seconds: cpu / 2.0,
@@ -280,6 +287,9 @@ pub(super) mod tests {
         let columns: Vec<usize> = csv.lines().map(|line| line.split(',').count()).collect();
         assert_eq!(columns, [19; 5]);
         assert_eq!([cell("a"), cell("a,\"b\"")], ["a", "\"a,\"\"b\"\"\""]);
-        assert_eq!([percent(0.05), percent(0.005), percent(0.1234), percent(-0.0012)], ["5 %", "0.5 %", "12.3 %", "-0.12 %"]);
+        assert_eq!(
+            [percent(0.05), percent(0.005), percent(0.1234), percent(-0.0012)],
+            ["5 %", "0.5 %", "12.3 %", "-0.12 %"]
+        );
     }
 }

@@ -7,9 +7,9 @@ use std::time::Instant;
 use super::errors::{Halves, Picture};
 use super::measure::{Bench, Pace};
 use super::page::{Shown, page};
-use super::plan::{Plan, plan};
+use super::plan::{FEWEST_PIXELS, Plan, REFERENCE_PASSES, plan};
 use super::results::{Machine, Point, Reference, Study};
-use super::settings::{Case, KNOB, Skipped, cases, reference};
+use super::settings::{Case, KNOB, REFERENCE_WORK, REFERENCES, Skipped, cases, reference};
 use super::state::{Measured, State, key};
 use crate::file::{read_regular, write_whole};
 use crate::image::RgbImage;
@@ -71,11 +71,11 @@ pub fn study(scene: &Path, options: &Options, progress: &dyn Progress) -> Result
     let begin = Instant::now();
     let failed = |e: std::io::Error| StudyError::Output { path: options.folder.clone(), message: e.to_string() };
     let mut state = State::open(&options.folder).map_err(failed)?;
-    let Planned { plan, cases, paces, reference, skipped, mut bench } = planned(scene, options, progress)?;
+    let Planned { plan, cases, paces, skipped, mut bench } = planned(scene, options, progress)?;
     plan.cut.iter().for_each(|line| progress.message(&format!("budget: {line}")));
     let mut work = Work { options, state: &mut state, begin, progress, paces: &paces, cut: plan.cut.clone() };
     progress.stage("studying", (1000.0 * plan.seconds) as u64);
-    let (halves, found) = work.reference(&mut bench, scene, &reference)?;
+    let (halves, found) = work.reference(&mut bench, scene, &plan.reference)?;
     let exposure = bench.exposure();
     let mut points = Vec::new();
     let mut pictures = Vec::new();
@@ -110,7 +110,6 @@ struct Planned<'a> {
     plan: Plan,
     cases: Vec<Case>,
     paces: Vec<Pace>,
-    reference: Vec<String>,
     skipped: Vec<Skipped>,
     bench: Bench<'a>,
 }
@@ -123,7 +122,6 @@ fn planned<'a>(scene: &Path, options: &Options, progress: &'a dyn Progress) -> R
     bench.notes().iter().for_each(|note| progress.message(&format!("note: {note}")));
     let (size, facts) = (bench.size(), bench.facts());
     let (cases, skipped) = cases(&facts);
-    let reference = reference(&facts);
     let budget = options.budget.map_or_else(String::new, |budget| budget.to_string());
     let names: Vec<String> = cases.iter().map(|case| format!("{} = {}", case.setting, case.value)).collect();
     let key = key(&[&bench.key(&[], 0), &budget, &options.repeats.to_string(), &names.join("\n")]);
@@ -140,7 +138,7 @@ fn planned<'a>(scene: &Path, options: &Options, progress: &'a dyn Progress) -> R
             let mut paces = vec![Pace { before: 1.0, pixel: 0.0 }; cases.len()];
             let mut of_reference = Pace { before: 1.0, pixel: 0.0 };
             if options.budget.is_some() {
-                of_reference = probing.probe(&reference)?;
+                of_reference = probing.probe(&reference(&facts, REFERENCES[1]))?;
                 let probing_since = Instant::now();
                 for (index, case) in cases.iter().enumerate() {
                     // What comes after is taken for the scene as it is; when its turn comes the time is looked at again.
@@ -153,7 +151,15 @@ fn planned<'a>(scene: &Path, options: &Options, progress: &'a dyn Progress) -> R
             // The default and the coarser half of the knob are what a study cannot do without.
             let kept = 1 + knobs.min(KNOB.len() / 2);
             let left = options.budget.map(|budget| (budget - begin.elapsed().as_secs_f64()).max(0.2 * budget));
-            let plan = plan(size, &paces, &names, of_reference, options.repeats, kept, left);
+            let finest = REFERENCES.len() - 1;
+            let place = left.map_or(finest, |left| affordable(of_reference, left));
+            let of_reference = Pace { pixel: of_reference.pixel * REFERENCE_WORK[place], ..of_reference };
+            let mut plan = plan(size, &paces, &names, of_reference, options.repeats, kept, left);
+            plan.reference = reference(&facts, REFERENCES[place]);
+            if place < finest {
+                let [faces, layers] = REFERENCES[place];
+                plan.cut.push(format!("the reference has {faces} faces and {layers} layers in place of 256 and 256"));
+            }
             let text = serde_json::to_vec(&(key, &plan, &paces)).unwrap_or_default();
             write_whole(&path, |out| out.write_all(&text)).map_err(|e| output_error(&path, &e))?;
             (plan, paces)
@@ -161,7 +167,16 @@ fn planned<'a>(scene: &Path, options: &Options, progress: &'a dyn Progress) -> R
     };
     drop(bench);
     let bench = Bench::new(scene, &options.overrides, Some(plan.size), threads, progress)?;
-    Ok(Planned { plan, cases, paces, reference, skipped, bench })
+    Ok(Planned { plan, cases, paces, skipped, bench })
+}
+
+/// The finest reference that keeps to its share of a time at a small size.
+fn affordable(second: Pace, left: f64) -> usize {
+    let takes = |place: &usize| {
+        let passes = f64::from(REFERENCE_PASSES) * REFERENCE_WORK[*place];
+        second.before + passes * second.pixel * FEWEST_PIXELS
+    };
+    (0..REFERENCES.len()).rev().find(|place| takes(place) < FOR_REFERENCE * left).unwrap_or(0)
 }
 
 fn read_plan(path: &Path, key: &str) -> Option<(Plan, Vec<Pace>)> {
@@ -252,7 +267,10 @@ impl Work<'_> {
                     let over = |budget: f64| self.elapsed() + expected > budget;
                     // The first of all is done in any case: without it there is nothing to show.
                     if index > 0 && self.options.budget.is_some_and(over) {
-                        self.cut.push(format!("{label}: {repeat} of {} repetitions: the time was up", self.options.repeats));
+                        self.cut.push(format!(
+                            "{label}: {repeat} of {} repetitions: the time was up",
+                            self.options.repeats
+                        ));
                         break;
                     }
                     let done = bench.render(&label, &case.set, seed)?;
@@ -310,7 +328,10 @@ fn point(case: &Case, all: &[Measured], errors: super::errors::Errors) -> Point 
     let mut stages: Vec<Stage> = all[0].stages.clone();
     for stage in &mut stages {
         let of = |get: fn(&Stage) -> f64| {
-            all.iter().flat_map(|measured| measured.stages.iter().filter(|s| s.name == stage.name)).map(get).sum::<f64>()
+            all.iter()
+                .flat_map(|measured| measured.stages.iter().filter(|s| s.name == stage.name))
+                .map(get)
+                .sum::<f64>()
                 / n
         };
         (stage.cpu_seconds, stage.seconds) = (of(|s| s.cpu_seconds), of(|s| s.seconds));

@@ -201,19 +201,26 @@ pub fn knob(values: &[&str; 5], facts: &Facts) -> Vec<String> {
     pairs.map(|(key, value)| format!("{key}={value}")).collect()
 }
 
-/// What the reference is rendered with, beside a seed and a number of passes.
+/// Faces a hemisphere and layers of references, from coarse to fine; the finest that the time allows is taken. What is left of the error of faces falls with
+/// their number.
+pub const REFERENCES: [[u32; 2]; 3] = [[64, 32], [128, 64], [256, 256]];
+
+/// How many times as long each takes as the second, roughly: by faces and by the layers that most pixels have.
+pub const REFERENCE_WORK: [f64; 3] = [0.35, 1.0, 3.5];
+
+/// What a reference is rendered with, beside a seed and a number of passes.
 #[must_use]
-pub fn reference(facts: &Facts) -> Vec<String> {
+pub fn reference(facts: &Facts, [faces, layers]: [u32; 2]) -> Vec<String> {
     let mut set = Vec::new();
     if no_light_around(facts).is_none() {
-        set.push(format!("occlusion.faces={REFERENCE_FACES}"));
+        set.push(format!("occlusion.faces={faces}"));
     }
     if facts.occluded() {
         set.push("occlusion.mode=raytraced".to_owned());
         // A ray a face: more passes are worth more than more rays, as they draw everything else anew, too.
-        set.push(format!("occlusion.rays={}", 2 * REFERENCE_FACES));
+        set.push(format!("occlusion.rays={}", 2 * faces));
     }
-    set.push("sampling.layers=256".to_owned());
+    set.push(format!("sampling.layers={layers}"));
     if facts.effects.area_lights {
         set.push("sampling.area_light_samples=64".to_owned());
     }
@@ -222,9 +229,6 @@ pub fn reference(facts: &Facts) -> Vec<String> {
     }
     set
 }
-
-/// Faces a hemisphere of references. What is left of the error of faces falls with their number.
-pub const REFERENCE_FACES: u32 = 256;
 
 /// One render of the sweep.
 #[derive(Clone, Debug, PartialEq)]

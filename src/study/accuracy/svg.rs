@@ -74,9 +74,14 @@ impl Plot {
         let error = |error: f64| error.max(LEAST);
         let [more_times, more_errors] = self.range.unwrap_or_default();
         let more = |bounds: [f64; 2]| bounds.into_iter().filter(|bound| *bound > 0.0);
-        let times = self.marks.iter().map(|mark| mark.time).chain(self.behind.iter().map(|b| b[0])).chain(more(more_times));
-        let errors =
-            self.marks.iter().map(|m| error(m.error)).chain(self.behind.iter().map(|b| error(b[1]))).chain(more(more_errors).map(error));
+        let times =
+            self.marks.iter().map(|mark| mark.time).chain(self.behind.iter().map(|b| b[0])).chain(more(more_times));
+        let errors = self
+            .marks
+            .iter()
+            .map(|m| error(m.error))
+            .chain(self.behind.iter().map(|b| error(b[1])))
+            .chain(more(more_errors).map(error));
         let x = Axis::new(times, left, self.width - right);
         let y = Axis::new(errors, self.height - bottom, top);
         let mut out = format!(
@@ -87,7 +92,11 @@ impl Plot {
         );
         self.grid(&mut out, &x, &y, [left, self.width - right, top, self.height - bottom]);
         for [time, e] in &self.behind {
-            out.push_str(&format!("<circle class=\"behind\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"2.6\"/>", x.at(*time), y.at(error(*e))));
+            out.push_str(&format!(
+                "<circle class=\"behind\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"2.6\"/>",
+                x.at(*time),
+                y.at(error(*e))
+            ));
         }
         if self.line.len() > 1 {
             let points: Vec<String> = self
@@ -119,11 +128,21 @@ impl Plot {
     fn label(&self, out: &mut String, mark: &Mark, [px, py]: [f64; 2], taken: &mut Vec<[f64; 4]>) {
         let size = if self.titles { 13.0 } else { 11.5 };
         let wide = 0.56 * size * mark.label.chars().count() as f64;
-        let places = [(9.0, 4.0), (-9.0 - wide, 4.0), (7.0, -9.0), (7.0, 18.0), (-7.0 - wide, -9.0), (-7.0 - wide, 18.0), (-wide / 2.0, -12.0), (-wide / 2.0, 22.0)];
+        let places = [
+            (9.0, 4.0),
+            (-9.0 - wide, 4.0),
+            (7.0, -9.0),
+            (7.0, 18.0),
+            (-7.0 - wide, -9.0),
+            (-7.0 - wide, 18.0),
+            (-wide / 2.0, -12.0),
+            (-wide / 2.0, 22.0),
+        ];
         for (dx, dy) in places {
             let [x0, y0] = [px + dx, py + dy];
             let place = [x0, y0 - size, x0 + wide, y0 + 2.0];
-            let outside = place[0] < 2.0 || place[2] > self.width - 2.0 || place[1] < 2.0 || place[3] > self.height - 2.0;
+            let outside =
+                place[0] < 2.0 || place[2] > self.width - 2.0 || place[1] < 2.0 || place[3] > self.height - 2.0;
             let covers = |other: &[f64; 4]| {
                 place[0] < other[2] && other[0] < place[2] && place[1] < other[3] && other[1] < place[3]
             };
@@ -131,7 +150,10 @@ impl Plot {
                 continue;
             }
             taken.push(place);
-            out.push_str(&format!("<text class=\"name\" x=\"{x0:.1}\" y=\"{y0:.1}\" font-size=\"{size}\">{}</text>", escape(&mark.label)));
+            out.push_str(&format!(
+                "<text class=\"name\" x=\"{x0:.1}\" y=\"{y0:.1}\" font-size=\"{size}\">{}</text>",
+                escape(&mark.label)
+            ));
             return;
         }
     }
