@@ -140,7 +140,7 @@ fn sweeps(study: &Study) -> String {
         [low, all().map(get).fold(0.0, f64::max)]
     };
     let range = [bounds(|p| p.cpu_seconds), bounds(|p| p.errors.rms)];
-    let mut out = "<section><h2>One setting at a time</h2>\n<p>Everything else is as the scene says; the ring is the scene as it is, grey dots are all other settings. All plots share their axes.</p>\n<div class=\"sweeps\">\n".to_owned();
+    let mut out = "<section><h2>One setting at a time</h2>\n<p>Everything else is as the scene says; grey dots are all other settings, the scene as it is among them. All plots share their axes.</p>\n<div class=\"sweeps\">\n".to_owned();
     for name in names.iter().skip(1) {
         let of: Vec<&Point> = all().filter(|point| point.setting == *name).collect();
         let marks: Vec<Mark> = of
