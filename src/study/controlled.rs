@@ -360,7 +360,7 @@ impl Job<'_> {
         let (sum, count) = seen
             .fold((0.0, 0.0), |(sum, count), pixel| (sum + pixel.beauty.as_dvec3().element_sum() / 3.0, count + 1.0));
         let level = sum / count;
-        if !(level > 0.0) {
+        if level.is_nan() || level <= 0.0 {
             return None;
         }
         let index =

@@ -222,7 +222,7 @@ impl Work<'_> {
         }
         let enough = |sums: &Sums, elapsed: f64| {
             let spent = self.options.budget.is_some_and(|budget| elapsed > FOR_REFERENCE * budget);
-            let pair = sums.count >= 2 && sums.count % 2 == 0;
+            let pair = sums.count >= 2 && sums.count.is_multiple_of(2);
             pair && (spent || sums.count >= MOST_PASSES || sums.halves().is_none_or(|h| h.standard_error() < ENOUGH))
         };
         while !enough(&sums, self.elapsed()) {
@@ -249,12 +249,7 @@ impl Work<'_> {
     }
 
     /// All repetitions of a case; none where the budget is spent.
-    fn case(
-        &mut self,
-        bench: &mut Bench<'_>,
-        index: usize,
-        case: &Case,
-    ) -> Result<Option<(Vec<Measured>, Vec<RgbImage>)>, StudyError> {
+    fn case(&mut self, bench: &mut Bench<'_>, index: usize, case: &Case) -> Result<Option<Repetitions>, StudyError> {
         let (mut all, mut pictures) = (Vec::new(), Vec::new());
         let label = format!("{} = {}", case.setting, case.value);
         let pixels = bench.size().iter().map(|&side| f64::from(side)).product();
@@ -286,6 +281,9 @@ impl Work<'_> {
         Ok((!all.is_empty()).then_some((all, pictures)))
     }
 }
+
+/// What the repetitions of a case took, and their pictures.
+type Repetitions = (Vec<Measured>, Vec<RgbImage>);
 
 /// Two halves of the reference being summed.
 #[derive(Default)]
