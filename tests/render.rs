@@ -130,7 +130,7 @@ fn the_picture_does_not_depend_on_threads_or_crop() {
         let one = render(None, 1);
         assert_eq!(one, render(None, 2), "{mode}: two threads");
         let window = PixelRect { min: [13, 9], max: [50, 42] };
-        let mut patched = Film { pixels: one.pixels.clone(), ..one };
+        let mut patched = Film { pixels: one.pixels.clone(), ..one.clone() };
         for pixel in patched.pixels.iter_mut().enumerate().filter(|(i, _)| {
             let [x, y] = [*i as u32 % 64, *i as u32 / 64];
             (13..50).contains(&x) && (9..42).contains(&y)

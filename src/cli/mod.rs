@@ -14,6 +14,7 @@ mod memory;
 pub mod progress;
 pub mod render;
 mod schema;
+mod study;
 mod summary;
 pub mod values;
 
@@ -41,6 +42,7 @@ enum Command {
     Check(check::Arguments),
     Crosscheck(crosscheck::Arguments),
     Figure(figure::Arguments),
+    Study(study::Arguments),
     Info(info::Arguments),
     Grow(grow::Arguments),
     Schema(schema::Arguments),
@@ -91,6 +93,7 @@ fn run(cli: Cli) -> ExitCode {
         Command::Check(arguments) => check::run(arguments, verbosity),
         Command::Crosscheck(arguments) => crosscheck::run(arguments, verbosity),
         Command::Figure(arguments) => figure::run(arguments, verbosity),
+        Command::Study(arguments) => study::run(arguments, verbosity),
         Command::Info(arguments) => info::run(arguments),
         Command::Grow(arguments) => grow::run(arguments, verbosity),
         Command::Schema(arguments) => schema::run(arguments),

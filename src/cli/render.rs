@@ -2,7 +2,6 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use clap::builder::PossibleValuesParser;
 
@@ -13,10 +12,11 @@ use crate::embree;
 use crate::file::write_whole;
 use crate::fragment::PixelRect;
 use crate::render::memory::Work;
-use crate::render::{self, Options, RenderError, Statistics, output, progress::Progress, statistics::Stage};
+use crate::render::{self, Options, RenderError, Statistics, output, progress::Progress, statistics::Watch};
 use crate::scene::frame::frame_path;
 use crate::scene::{Document, Scene};
 use crate::study;
+use crate::study::controlled::{Goal, render_to};
 
 /// Render a scene to an image
 #[derive(clap::Args)]
@@ -38,6 +38,12 @@ pub(crate) struct Arguments {
     /// Frames to render: 5, 1-10, 1-10x2 (each second) or a list of these with commas; 1 unless given
     #[arg(long, value_name = "FRAMES", value_parser = values::frames, allow_hyphen_values = true)]
     frames: Option<Frames>,
+    /// Render to this relative RMS error of the picture, as in 0.01: settings and passes are found on the scene itself, and the summary says with a 95 % interval what error came of it
+    #[arg(long, value_name = "X", value_parser = values::accuracy, allow_negative_numbers = true, conflicts_with = "max_time")]
+    max_error: Option<f64>,
+    /// Render as accurately as this time allows, as in 60s or 5m: a picture that differs from run to run
+    #[arg(long, value_name = "TIME", value_parser = values::duration)]
+    max_time: Option<f64>,
     /// Number of threads; one a processor unless given. The picture does not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -82,6 +88,8 @@ pub struct RenderRequest {
     pub strict: bool,
     /// Whether the estimators of hair occlusion are compared after the render.
     pub crosscheck: bool,
+    /// An error or a time to render to, with settings of its own.
+    pub goal: Option<Goal>,
     /// Where statistics go.
     pub stats: Option<PathBuf>,
 }
@@ -131,10 +139,10 @@ fn render_frame(
     for path in &outputs {
         output::check(path).map_err(|e| Failure::Output(e.to_string()))?;
     }
-    let begin = Instant::now();
+    let loading = Watch::start();
     progress.stage(&if numbered { format!("frame {frame}: loading") } else { "loading".to_owned() }, 0);
     let mut scene = Scene::load(document).map_err(|e| Failure::Input(e.to_string()))?;
-    let loading = begin.elapsed();
+    let loading = loading.stage("loading");
     if !verbosity.quiet {
         scene.notes.iter().for_each(|note| progress.message(&format!("note: {note}")));
     }
@@ -142,9 +150,12 @@ fn render_frame(
     let options = Options { window, threads: request.threads };
     // The render takes them out of the scene.
     let surfaces = request.crosscheck.then(|| scene.surfaces.clone());
-    let (film, mut statistics) = render::render(&mut scene, &options, progress)?;
-    statistics.stages.insert(0, Stage { name: "loading".to_owned(), seconds: loading.as_secs_f64(), peak_bytes: 0 });
-    let begin = Instant::now();
+    let (film, mut statistics) = match request.goal {
+        Some(goal) => render_to(&mut scene, goal, &options, progress)?,
+        None => render::render(&mut scene, &options, progress)?,
+    };
+    statistics.stages.insert(0, loading);
+    let watch = Watch::start();
     for path in &outputs {
         if progress.cancelled() {
             return Err(Failure::Interrupted);
@@ -158,7 +169,7 @@ fn render_frame(
             ));
         }
     }
-    statistics.stage("writing", begin.elapsed());
+    statistics.stage("writing", &watch);
     if !verbosity.quiet {
         summary::lines(&statistics, &outputs, verbosity.verbose > 0).iter().for_each(|line| progress.message(line));
     }
@@ -166,9 +177,9 @@ fn render_frame(
     scene.surfaces = surfaces;
     let settings =
         study::Settings { points: CROSSCHECK_POINTS, rays: None, accuracy: None, window, threads: request.threads };
-    let begin = Instant::now();
+    let watch = Watch::start();
     let mut report = study::crosscheck(&mut scene, &settings, progress)?;
-    statistics.stage("cross-check", begin.elapsed());
+    statistics.stage("cross-check", &watch);
     if !verbosity.quiet {
         crosscheck::lines(&report, verbosity.verbose > 0).iter().for_each(|line| progress.message(line));
     }
@@ -231,8 +242,9 @@ fn request(arguments: Arguments, verbosity: Verbosity) -> Result<RenderRequest, 
     }
     window(arguments.crop, &document)?;
     let threads = arguments.threads.map(usize::from);
+    let goal = arguments.max_error.map(Goal::Error).or(arguments.max_time.map(Goal::Time));
     let Arguments { crop, strict, crosscheck, stats, .. } = arguments;
-    Ok(RenderRequest { document, outputs, frames, crop, threads, strict, crosscheck, stats })
+    Ok(RenderRequest { document, outputs, frames, crop, threads, strict, crosscheck, goal, stats })
 }
 
 /// The pixels of `--crop`; none where it is not given.

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::render::statistics::Claim;
 use crate::render::{Settled, Statistics};
 
 /// What was done, what it took, and where it went: a line each. With `effects`, also which effects the scene called for.
@@ -23,13 +24,14 @@ pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf], effects: bool)
             grouped(s.triangles)
         ),
         format!(
-            "time: {} ({:.2} s in all, {} threads); peak memory {:.0} MiB",
+            "time: {} ({:.2} s in all, {:.2} s of CPU time, {} threads); peak memory {:.0} MiB",
             s.stages
                 .iter()
                 .map(|stage| format!("{} {:.2} s", stage.name, stage.seconds))
                 .collect::<Vec<_>>()
                 .join(", "),
             s.seconds(),
+            s.all_cpu_seconds(),
             s.threads,
             s.stages.iter().map(|stage| stage.peak_bytes).max().unwrap_or(0) as f64 / (1 << 20) as f64
         ),
@@ -38,6 +40,7 @@ pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf], effects: bool)
             s.cpu_seconds.fragments, s.cpu_seconds.gamma, s.cpu_seconds.lambda, s.cpu_seconds.direct
         ),
     ]);
+    lines.extend(s.claim.iter().map(|claim| claimed(claim, s.passes)));
     if s.non_finite > 0 {
         lines.push(format!(
             "warning: {} shading points gave values that are not finite and were replaced by their neighbours' mean:",
@@ -48,6 +51,21 @@ pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf], effects: bool)
     }
     lines.extend(outputs.iter().map(|path| format!("wrote {}", path.display())));
     lines
+}
+
+/// The error of the picture.
+fn claimed(claim: &Claim, passes: u32) -> String {
+    let percent = |share: f64| format!("{:.3} %", 100.0 * share);
+    let warning = if claim.reached { "" } else { "warning: the error asked for was not reached: " };
+    format!(
+        "{warning}relative RMS error {} (95 %: {} to {}), found at {} pixels; settings \"{}\", {passes} pass{}",
+        percent(claim.error),
+        percent(claim.low),
+        percent(claim.high),
+        claim.pixels,
+        claim.settings,
+        if passes == 1 { "" } else { "es" }
+    )
 }
 
 /// How hair occlusion was found.

@@ -181,6 +181,31 @@ pub fn size(text: &str) -> Result<u64, String> {
     }
 }
 
+/// A time in seconds: `90`, `90s`, `5m`, `1.5h`; above 0, up to a month.
+pub(crate) fn duration(text: &str) -> Result<f64, String> {
+    let form = || format!("\"{}\" is no time; write 90s, 5m or 1h", clip(text));
+    let (number, unit) = match text.strip_suffix(['s', 'm', 'h']) {
+        Some(number) => (
+            number,
+            if text.ends_with('m') {
+                60.0
+            } else if text.ends_with('h') {
+                3600.0
+            } else {
+                1.0
+            },
+        ),
+        None => (text, 1.0),
+    };
+    let plain = !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
+    let seconds = plain.then(|| number.parse::<f64>().ok()).flatten().ok_or_else(form)? * unit;
+    let month = 30.0 * 24.0 * 3600.0;
+    if !(seconds > 0.0 && seconds <= month) {
+        return Err(format!("\"{}\" is out of range; give more than 0 s and at most a month", clip(text)));
+    }
+    Ok(seconds)
+}
+
 /// The argument of `--set`, checked for its form only.
 ///
 /// # Errors
@@ -248,6 +273,15 @@ mod tests {
     }
 
     #[test]
+    fn durations() {
+        assert_eq!(["90", "90s", "1.5m", "2h"].map(|text| duration(text).unwrap()), [90.0, 90.0, 90.0, 7200.0]);
+        for text in ["", "s", "m", "5 m", "-5m", "1e3s", "5d", "nan", "inf", "1.2.3s"] {
+            assert!(duration(text).unwrap_err().contains("5m"), "{text}");
+        }
+        assert!(["0s", "9999h"].iter().all(|text| duration(text).unwrap_err().contains("out of range")));
+    }
+
+    #[test]
     fn frame_runs() {
         let numbers = |text: &str| frames(text).unwrap().numbers().to_vec();
         assert_eq!(numbers("5"), [5]);
@@ -276,7 +310,7 @@ mod tests {
     proptest! {
         #[test]
         fn any_text_is_read_or_refused(text in "[0-9x,\\-]{0,24}|.*") {
-            let _ = (resolution(&text), crop(&text), setting(&text), accuracy(&text));
+            let _ = (resolution(&text), crop(&text), setting(&text), accuracy(&text), duration(&text));
             if let Ok(frames) = frames(&text) {
                 prop_assert!(!frames.numbers().is_empty());
             }

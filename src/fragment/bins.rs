@@ -54,6 +54,12 @@ impl TileGrid {
         PixelRect { min, max: [0, 1].map(|i| min[i].saturating_add(self.size).min(self.rect.max[i])) }
     }
 
+    /// The tile that a pixel of the rectangle lies in.
+    pub fn index_at(&self, x: u32, y: u32) -> usize {
+        let [column, row] = [x - self.rect.min[0], y - self.rect.min[1]].map(|v| (v / self.size) as usize);
+        row * self.dimensions()[0] as usize + column
+    }
+
     /// Calls `visit` with each tile that a segment may touch.
     fn touched(&self, shape: &Footprint, mut visit: impl FnMut(usize)) {
         let rows = shape.rows(&self.rect);

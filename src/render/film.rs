@@ -56,13 +56,17 @@ pub struct Film {
     /// Width and height of the whole picture.
     pub full_size: [u32; 2],
     pub pixels: Vec<Pixel>,
+    /// Standard error of each pixel's beauty; empty unless there were passes to tell it from.
+    pub standard_error: Vec<Vec3>,
+    /// CPU time of each pixel, in microseconds; empty unless it was wanted.
+    pub cost: Vec<f32>,
 }
 
 impl Film {
     /// A black film.
     pub fn new(window: PixelRect, full_size: [u32; 2]) -> Self {
         let count = (window.max[0] - window.min[0]) as usize * (window.max[1] - window.min[1]) as usize;
-        Self { window, full_size, pixels: vec![Pixel::default(); count] }
+        Self { window, full_size, pixels: vec![Pixel::default(); count], standard_error: Vec::new(), cost: Vec::new() }
     }
 
     /// Width of the window, in pixels.
@@ -75,6 +79,11 @@ impl Film {
         (self.window.max[1] - self.window.min[1]) as usize
     }
 
+    /// Standard error of a pixel's beauty; zero where it is not known.
+    pub fn error_of(&self, pixel: usize) -> Vec3 {
+        self.standard_error.get(pixel).copied().unwrap_or_default()
+    }
+
     fn index(&self, x: u32, y: u32) -> usize {
         (y - self.window.min[1]) as usize * self.width() + (x - self.window.min[0]) as usize
     }
@@ -85,6 +94,19 @@ impl Film {
         for (row, y) in (tile.min[1]..tile.max[1]).enumerate() {
             let start = self.index(tile.min[0], y);
             self.pixels[start..start + width].copy_from_slice(&pixels[row * width..(row + 1) * width]);
+        }
+    }
+
+    /// The same for what a tile's pixels cost; nothing where they were not timed.
+    pub fn place_cost(&mut self, tile: &PixelRect, cost: &[f32]) {
+        if cost.is_empty() {
+            return;
+        }
+        self.cost.resize(self.pixels.len(), 0.0);
+        let width = (tile.max[0] - tile.min[0]) as usize;
+        for (row, y) in (tile.min[1]..tile.max[1]).enumerate() {
+            let start = self.index(tile.min[0], y);
+            self.cost[start..start + width].copy_from_slice(&cost[row * width..(row + 1) * width]);
         }
     }
 

@@ -46,7 +46,7 @@ pub struct Lit {
     pub occlusion: f32,
 }
 
-/// CPU time of stage 2 by part.
+/// Time of stage 2 by part.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Clock {
     pub gamma: Duration,
@@ -60,6 +60,13 @@ impl Clock {
         self.gamma += other.gamma;
         self.lambda += other.lambda;
         self.direct += other.direct;
+    }
+
+    /// Multiplies all times.
+    pub(super) fn scale(&mut self, factor: f64) {
+        for time in [&mut self.gamma, &mut self.lambda, &mut self.direct] {
+            *time = time.mul_f64(factor);
+        }
     }
 }
 

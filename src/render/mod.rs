@@ -1,12 +1,15 @@
 //! The renderer: brings fragments, Γ, Λ and F together into a picture.
 
 mod calibration;
+pub mod cpu;
 mod draw;
 mod estimator;
 pub mod film;
 mod lighting;
+mod mean;
 pub mod memory;
 pub mod output;
+mod passes;
 mod pipeline;
 pub mod progress;
 pub mod statistics;
@@ -16,5 +19,7 @@ pub use calibration::{Found, Settled, settle};
 pub use draw::{Drawn, Place, ShadingPoint, draw};
 pub use film::Film;
 pub use lighting::{Around, Lighting, Workspace};
+pub use mean::Mean;
+pub use passes::{Pixels, Prepared, pass_seed};
 pub use pipeline::{Options, RenderError, render, with_threads};
 pub use statistics::Statistics;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::DMat4;
 
-use super::film::{Film, Pixel};
+use super::film::Film;
 use super::statistics::Statistics;
 use crate::image::{self, ImageSpec, MetaValue, PixelFormat, Written, display};
 use crate::scene::Scene;
@@ -34,44 +34,56 @@ pub fn channel_count(layers: &[Layer]) -> usize {
 }
 
 /// A channel: its name, whether it is always 32-bit float, and its value.
-type Channel = (String, bool, fn(&Pixel) -> f32);
+type Channel = (String, bool, fn(&Film, usize) -> f32);
 
 fn channels(layers: &[Layer]) -> Vec<Channel> {
     let mut layers = layers.to_vec();
     layers.sort_unstable();
     layers.dedup();
-    let one = |name: &str, float, get: fn(&Pixel) -> f32| (name.to_owned(), float, get);
+    let one = |name: &str, float, get: fn(&Film, usize) -> f32| (name.to_owned(), float, get);
     let mut channels: Vec<Channel> = Vec::new();
     for layer in layers {
-        let rgb: [fn(&Pixel) -> f32; 3] = match layer {
+        let rgb: [fn(&Film, usize) -> f32; 3] = match layer {
             Layer::Beauty => {
-                channels.push(one("R", false, |p| p.beauty.x));
-                channels.push(one("G", false, |p| p.beauty.y));
-                channels.push(one("B", false, |p| p.beauty.z));
+                channels.push(one("R", false, |f, i| f.pixels[i].beauty.x));
+                channels.push(one("G", false, |f, i| f.pixels[i].beauty.y));
+                channels.push(one("B", false, |f, i| f.pixels[i].beauty.z));
                 continue;
             }
             Layer::Alpha => {
-                channels.push(one("A", false, |p| p.alpha));
+                channels.push(one("A", false, |f, i| f.pixels[i].alpha));
                 continue;
             }
             Layer::Occlusion => {
-                channels.push(one("occlusion.Y", false, |p| p.occlusion));
+                channels.push(one("occlusion.Y", false, |f, i| f.pixels[i].occlusion));
                 continue;
             }
             Layer::Depth => {
-                channels.push(one("depth.Z", true, |p| p.depth));
+                channels.push(one("depth.Z", true, |f, i| f.pixels[i].depth));
                 continue;
             }
-            Layer::Direct => [|p| p.direct.x, |p| p.direct.y, |p| p.direct.z],
-            Layer::Environment => [|p| p.environment.x, |p| p.environment.y, |p| p.environment.z],
-            Layer::EnvironmentUnoccluded => [|p| p.unoccluded.x, |p| p.unoccluded.y, |p| p.unoccluded.z],
-            Layer::Normal => [|p| p.normal.x, |p| p.normal.y, |p| p.normal.z],
-            Layer::Tangent => [|p| p.tangent.x, |p| p.tangent.y, |p| p.tangent.z],
+            Layer::Cost => {
+                channels.push(one("cost.Y", true, |f, i| f.cost.get(i).copied().unwrap_or(0.0)));
+                continue;
+            }
+            Layer::StandardError => [|f, i| f.error_of(i).x, |f, i| f.error_of(i).y, |f, i| f.error_of(i).z],
+            Layer::Direct => [|f, i| f.pixels[i].direct.x, |f, i| f.pixels[i].direct.y, |f, i| f.pixels[i].direct.z],
+            Layer::Environment => {
+                [|f, i| f.pixels[i].environment.x, |f, i| f.pixels[i].environment.y, |f, i| f.pixels[i].environment.z]
+            }
+            Layer::EnvironmentUnoccluded => {
+                [|f, i| f.pixels[i].unoccluded.x, |f, i| f.pixels[i].unoccluded.y, |f, i| f.pixels[i].unoccluded.z]
+            }
+            Layer::Normal => [|f, i| f.pixels[i].normal.x, |f, i| f.pixels[i].normal.y, |f, i| f.pixels[i].normal.z],
+            Layer::Tangent => {
+                [|f, i| f.pixels[i].tangent.x, |f, i| f.pixels[i].tangent.y, |f, i| f.pixels[i].tangent.z]
+            }
         };
         let (name, parts, float) = match layer {
             Layer::Direct => ("direct", ["R", "G", "B"], false),
             Layer::Environment => ("environment", ["R", "G", "B"], false),
             Layer::EnvironmentUnoccluded => ("environment-unoccluded", ["R", "G", "B"], false),
+            Layer::StandardError => ("standard-error", ["R", "G", "B"], true),
             Layer::Normal => ("normal", ["X", "Y", "Z"], true),
             _ => ("tangent", ["X", "Y", "Z"], true),
         };
@@ -100,7 +112,7 @@ fn write_layers(
         compression: Some(compression(output.compression).to_owned()),
         metadata,
     };
-    let values = film.pixels.iter().flat_map(|pixel| channels.iter().map(move |(_, _, get)| get(pixel)));
+    let values = (0..film.pixels.len()).flat_map(|pixel| channels.iter().map(move |(_, _, get)| get(film, pixel)));
     image::write_atomic(path, &spec, &values.collect::<Vec<f32>>())
 }
 
@@ -159,6 +171,10 @@ fn metadata(scene: &Scene, statistics: &Statistics) -> Vec<(String, MetaValue)> 
     ];
     if let Some(settled) = &statistics.occlusion {
         metadata.push(("tress:occlusionFound".to_owned(), json(serde_json::to_string(settled))));
+    }
+    if let Some(claim) = &statistics.claim {
+        metadata.push(("tress:error".to_owned(), MetaValue::Float(claim.error as f32)));
+        metadata.push(("tress:errorInterval".to_owned(), MetaValue::Floats(vec![claim.low as f32, claim.high as f32])));
     }
     if !description.output.reproducible {
         metadata.push(("tress:renderSeconds".to_owned(), MetaValue::Float(statistics.seconds() as f32)));

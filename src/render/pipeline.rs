@@ -1,17 +1,13 @@
 //! The way of a picture: structures, tiles in parallel, film.
 
-use std::time::Instant;
-
-use rayon::prelude::*;
 use thiserror::Error;
 
-use super::calibration::settle;
 use super::film::Film;
-use super::lighting::{Clock, Lighting};
+use super::mean::Mean;
+use super::passes::{Prepared, pass_seed};
 use super::progress::Progress;
 use super::statistics::Statistics;
-use super::tile::{Frame, TileSpace};
-use crate::effects::Effects;
+use super::tile::Frame;
 use crate::embree;
 use crate::fragment::{BinError, Bins, PixelRect, TileGrid, assign};
 use crate::scene::Scene;
@@ -79,71 +75,14 @@ fn render_here(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<(Film, Statistics), RenderError> {
-    let begin = Instant::now();
-    progress.stage("building", 0);
-    let effects = Effects::of(scene);
-    let mut statistics = Statistics {
-        segments: scene.hair.segments() as u64,
-        triangles: scene.surfaces.triangles() as u64,
-        threads: rayon::current_num_threads(),
-        effects: effects.list(),
-        notes: scene.notes.clone(),
-        ..Statistics::default()
-    };
-    let mut lighting = Lighting::new(scene, effects)?;
-    statistics.stage("building", begin.elapsed());
-    let begin = Instant::now();
-    statistics.occlusion = settle(&mut lighting, progress)?;
-    if effects.calibration {
-        statistics.stage("calibrating", begin.elapsed());
+    let (seed, passes) = (scene.description().sampling.seed, scene.description().passes());
+    let mut prepared = Prepared::new(scene, options, progress)?;
+    let mut mean = Mean::new(prepared.pass(seed, progress)?);
+    for pass in 1..passes {
+        mean.add(&prepared.pass(pass_seed(seed, pass), progress)?);
     }
-    if effects.photons {
-        let begin = Instant::now();
-        progress.stage("tracing photons", 0);
-        lighting.trace_photons();
-        statistics.stage("tracing photons", begin.elapsed());
-    }
-    let begin = Instant::now();
-    let scene = lighting.scene();
-    let frame = Frame::new(&lighting);
-    let full_size = scene.camera.resolution();
-    let window = options.window.unwrap_or(PixelRect::image(full_size));
-    let (grid, bins) = tiles(&frame, window)?;
-    statistics.stage("binning", begin.elapsed());
-
-    let begin = Instant::now();
-    progress.stage("rendering", grid.count() as u64);
-    let mut film = Film::new(window, full_size);
-    let tiles: Vec<_> = (0..grid.count())
-        .into_par_iter()
-        // Tiles differ in time by orders of magnitude: each is a job of its own.
-        .with_max_len(1)
-        .map_init(TileSpace::default, |space, index| {
-            let tile = frame.render(&grid.tile(index), bins.tile(index), space, progress);
-            progress.advance(1);
-            tile
-        })
-        .collect();
-    let mut clock = Clock::default();
-    let mut marked = Vec::new();
-    for (index, tile) in tiles.into_iter().enumerate() {
-        let tile = tile.ok_or(RenderError::Cancelled)?;
-        film.place(&grid.tile(index), &tile.pixels);
-        statistics.hair_fragments += tile.fragments;
-        statistics.hair_points += tile.hair_points;
-        statistics.surface_points += tile.surface_points;
-        statistics.cpu_seconds.fragments += tile.fragment_time.as_secs_f64();
-        clock.add(&tile.clock);
-        marked.extend(tile.non_finite.iter().map(|n| n.pixel));
-        statistics.non_finite += tile.non_finite.len() as u64;
-        let room = Statistics::EXAMPLES.saturating_sub(statistics.non_finite_examples.len());
-        statistics.non_finite_examples.extend(tile.non_finite.into_iter().take(room));
-    }
-    film.mend(&marked);
-    statistics.cpu_seconds.gamma = clock.gamma.as_secs_f64();
-    statistics.cpu_seconds.lambda = clock.lambda.as_secs_f64();
-    statistics.cpu_seconds.direct = clock.direct.as_secs_f64();
+    let film = mean.film();
+    let mut statistics = prepared.statistics().clone();
     statistics.mean = film.mean_beauty().to_array();
-    statistics.stage("rendering", begin.elapsed());
     Ok((film, statistics))
 }

@@ -1,10 +1,11 @@
 //! What a render did, and what it took.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::calibration::Settled;
+use super::cpu;
 use crate::effects::Effect;
 
 /// A value that was not finite, and where.
@@ -17,22 +18,75 @@ pub struct NonFinite {
 }
 
 /// Time and peak memory at the end of a stage.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stage {
     pub name: String,
     /// Wall time, in seconds.
     pub seconds: f64,
+    /// CPU time of all threads of the process, in seconds.
+    pub cpu_seconds: f64,
     /// Largest resident memory of the process so far, in bytes; 0 where the system does not say.
     pub peak_bytes: u64,
 }
 
-/// CPU seconds of the shading stage by part, summed over threads.
+/// Measures a stage from its beginning.
+#[derive(Clone, Copy, Debug)]
+pub struct Watch {
+    begin: Instant,
+    cpu: Duration,
+}
+
+impl Watch {
+    /// Starts now.
+    #[must_use]
+    pub fn start() -> Self {
+        Self { begin: Instant::now(), cpu: cpu::process() }
+    }
+
+    /// Wall time since its start.
+    #[must_use]
+    pub fn elapsed(&self) -> Duration {
+        self.begin.elapsed()
+    }
+
+    /// The stage that ends now.
+    #[must_use]
+    pub fn stage(&self, name: &str) -> Stage {
+        Stage {
+            name: name.to_owned(),
+            seconds: self.begin.elapsed().as_secs_f64(),
+            cpu_seconds: cpu::process().saturating_sub(self.cpu).as_secs_f64(),
+            peak_bytes: peak_memory(),
+        }
+    }
+}
+
+/// CPU seconds of the shading stage by part, summed over threads. The parts are timed by the clock on the wall, which a point can afford, and
+/// scaled tile by tile to the CPU time of the tile's thread.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Parts {
     pub fragments: f64,
     pub gamma: f64,
     pub lambda: f64,
     pub direct: f64,
+}
+
+/// The error that a render claims: relative root mean square error of the beauty over the pixels in which something is seen, noise and bias together.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Claim {
+    /// What was asked for; none where the time was.
+    pub asked: Option<f64>,
+    pub error: f64,
+    /// 95 times in 100 the error lies between these.
+    pub low: f64,
+    pub high: f64,
+    /// Pixels that it was found at.
+    pub pixels: usize,
+    /// The settings' name, and what they are.
+    pub settings: String,
+    pub set: Vec<String>,
+    /// Whether it is what was asked for.
+    pub reached: bool,
 }
 
 /// Statistics of a render.
@@ -56,6 +110,11 @@ pub struct Statistics {
     /// How hair occlusion was found, where its accuracy decided.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub occlusion: Option<Settled>,
+    /// Passes whose mean the picture is.
+    pub passes: u32,
+    /// The error of the picture, where it was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub claim: Option<Claim>,
     /// Mean of the picture, linear Rec.709.
     pub mean: [f32; 3],
 }
@@ -64,10 +123,22 @@ impl Statistics {
     /// How many examples of values that are not finite are kept.
     pub const EXAMPLES: usize = 16;
 
-    /// Notes that a stage ended.
-    pub fn stage(&mut self, name: &str, time: Duration) {
-        let stage = Stage { name: name.to_owned(), seconds: time.as_secs_f64(), peak_bytes: peak_memory() };
-        self.stages.push(stage);
+    /// Notes that a stage ended; a stage that was there before goes on.
+    pub fn stage(&mut self, name: &str, watch: &Watch) {
+        let stage = watch.stage(name);
+        match self.stages.iter_mut().find(|before| before.name == name) {
+            Some(before) => {
+                before.seconds += stage.seconds;
+                before.cpu_seconds += stage.cpu_seconds;
+                before.peak_bytes = before.peak_bytes.max(stage.peak_bytes);
+            }
+            None => self.stages.push(stage),
+        }
+    }
+
+    /// CPU time of all stages, in seconds.
+    pub fn all_cpu_seconds(&self) -> f64 {
+        self.stages.iter().map(|stage| stage.cpu_seconds).sum()
     }
 
     /// Wall time of all stages, in seconds.
@@ -77,7 +148,7 @@ impl Statistics {
 }
 
 /// The largest resident memory that this process has had, in bytes; 0 where the system does not say.
-fn peak_memory() -> u64 {
+pub fn peak_memory() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
     let kib = line.and_then(|line| line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok());

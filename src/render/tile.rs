@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use glam::Vec3;
 
+use super::cpu;
 use super::estimator::transmittance_rule;
 use super::film::{EMPTY_DEPTH, Pixel};
 use super::lighting::{Lighting, Lit, Workspace};
@@ -17,7 +18,7 @@ use crate::hair::StrandSample;
 use crate::hash::hash;
 use crate::occlusion::Transmittance;
 use crate::scene::Scene;
-use crate::scene::description::LayerChoice;
+use crate::scene::description::{Layer, LayerChoice};
 use crate::surface::{SurfacePoint, Surfaces};
 
 /// Purposes of random numbers.
@@ -37,6 +38,8 @@ pub(super) struct Frame<'a> {
     pub seed: u32,
     /// Whether the environment is seen behind everything.
     pub background: bool,
+    /// Whether the time of each pixel is wanted.
+    pub costs: bool,
 }
 
 /// Buffers that one thread keeps from tile to tile.
@@ -77,6 +80,8 @@ pub(super) struct Tile {
     pub fragment_time: Duration,
     pub clock: super::lighting::Clock,
     pub non_finite: Vec<NonFinite>,
+    /// CPU time of each pixel, in microseconds; empty unless wanted.
+    pub costs: Vec<f32>,
 }
 
 impl<'a> Frame<'a> {
@@ -96,6 +101,7 @@ impl<'a> Frame<'a> {
             per_side: f64::from(sampling.surface_samples).sqrt().ceil() as u32,
             seed: sampling.seed,
             background: scene.description().camera.background,
+            costs: scene.description().output.layers.contains(&Layer::Cost),
         }
     }
 
@@ -121,10 +127,11 @@ impl<'a> Frame<'a> {
         if progress.cancelled() {
             return None;
         }
-        let begin = Instant::now();
+        let (begin, cpu) = (Instant::now(), cpu::thread());
         let mut tile = Tile::default();
         self.collect_points(rect, segments, space, &mut tile);
         tile.fragment_time = begin.elapsed();
+        let mut times = vec![Duration::ZERO; if self.costs { tile.pixels.len() } else { 0 }];
         space.workspace.clock = super::lighting::Clock::default();
         let mut lit = vec![Lit::default(); space.points.len()];
         space.order.clear();
@@ -135,10 +142,15 @@ impl<'a> Frame<'a> {
                 return None;
             }
             let point = &space.points[index as usize];
+            let start = self.costs.then(Instant::now);
             lit[index as usize] = self.light(rect, point, &mut space.workspace);
+            if let Some(start) = start {
+                times[point.pixel as usize] += start.elapsed();
+            }
         }
         tile.clock = space.workspace.clock;
         self.sum_up(rect, &space.points, &lit, &mut tile);
+        tile.take_time(begin.elapsed(), cpu::thread().saturating_sub(cpu), &times, &space.fragments);
         Some(tile)
     }
 
@@ -290,6 +302,25 @@ impl<'a> Frame<'a> {
             pixel.normal = pixel.normal.normalize_or_zero();
             pixel.tangent = pixel.tangent.normalize_or_zero();
         }
+    }
+}
+
+impl Tile {
+    /// Scales what was timed on the wall to the thread's CPU time `cpu` in the tile's `wall` time, and shares out what no point was timed for.
+    fn take_time(&mut self, wall: Duration, cpu: Duration, times: &[Duration], fragments: &[(u32, HairFragment)]) {
+        let scale = cpu.as_secs_f64() / wall.as_secs_f64().max(1e-9);
+        self.fragment_time = self.fragment_time.mul_f64(scale);
+        self.clock.scale(scale);
+        if times.is_empty() {
+            return;
+        }
+        // Fragments take the rest, and each pixel as long as one of them.
+        let mut counts = vec![1.0_f64; times.len()];
+        fragments.iter().for_each(|(pixel, _)| counts[*pixel as usize] += 1.0);
+        let rest = wall.saturating_sub(times.iter().sum()).as_secs_f64();
+        let each = rest / counts.iter().sum::<f64>();
+        let cost = |(time, count): (&Duration, &f64)| (1e6 * scale * (time.as_secs_f64() + each * count)) as f32;
+        self.costs = times.iter().zip(&counts).map(cost).collect();
     }
 }
 

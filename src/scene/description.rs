@@ -668,11 +668,29 @@ pub struct Sampling {
     /// Seed of all random numbers.
     #[schemars(range(min = 0, max = u32::MAX))]
     pub seed: u32,
+    /// Passes of different random numbers whose mean is the picture. 1 unless given; 4 where `output.layers` has `standard-error`.
+    #[schemars(range(min = 1, max = 100000))]
+    pub passes: Option<u32>,
 }
 
 impl Default for Sampling {
     fn default() -> Self {
-        Self { layers: 6, layer_choice: LayerChoice::Seen, surface_samples: 16, area_light_samples: 16, seed: 0 }
+        Self {
+            layers: 6,
+            layer_choice: LayerChoice::Seen,
+            surface_samples: 16,
+            area_light_samples: 16,
+            seed: 0,
+            passes: None,
+        }
+    }
+}
+
+impl Description {
+    /// Passes whose mean the picture is.
+    pub fn passes(&self) -> u32 {
+        let wanted = self.output.layers.contains(&Layer::StandardError);
+        self.sampling.passes.unwrap_or(if wanted { 4 } else { 1 })
     }
 }
 
@@ -741,6 +759,10 @@ pub enum Layer {
     Normal,
     /// Tangent of the hair, in world space.
     Tangent,
+    /// Standard error of the beauty, from passes that differ in their random numbers only: channels `standard-error.R`, `.G` and `.B`. It tells noise, not bias. Needs `sampling.passes` of 2 or more; 4 are rendered where it is not given.
+    StandardError,
+    /// CPU time that went into the pixel, in microseconds, of all passes: channel `cost.Y`. It differs from run to run, even with `reproducible`.
+    Cost,
 }
 
 /// The number format of a picture's colours.

@@ -334,6 +334,17 @@ impl Validator<'_> {
                 return self.error(&key.index(n), format!("{} repeats an earlier layer; name each once", key.index(n)));
             }
         }
+        if output.layers.contains(&Layer::StandardError) && self.description.sampling.passes == Some(1) {
+            let key = KeyPath::root().key("sampling").key("passes");
+            let message = format!("{key} is 1, but output.layers has standard-error, which takes 2 passes or more");
+            self.error(&key, message);
+        }
+        if output.layers.contains(&Layer::Cost) && output.reproducible {
+            self.warn(
+                &key,
+                format!("{key} has cost, which differs from run to run, though output.reproducible is true"),
+            );
+        }
         if output.file.as_ref().is_some_and(|file| file.as_os_str().is_empty()) {
             let key = path.key("file");
             self.error(&key, format!("{key} is empty; give the path of a picture or leave it out"));

@@ -1,5 +1,7 @@
 //! Studies of a scene: what the renderer's estimators and settings are worth on it, at single shading points and in whole pictures.
 
+pub mod accuracy;
+pub mod controlled;
 pub mod crosscheck;
 pub mod figure;
 pub mod mosaic;

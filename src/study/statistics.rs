@@ -112,6 +112,15 @@ impl Summary {
     }
 }
 
+/// √(mean of `squares` - mean of `noises`), for errors whose squares are given rather than themselves: `squares` with the noise of the reference in them,
+/// `noises` unbiased estimates of its variance, one of each a sample. None without samples.
+pub fn rms_of_squares(squares: &[f64], noises: &[f64]) -> Option<Estimate> {
+    if squares.is_empty() || squares.len() != noises.len() {
+        return None;
+    }
+    Some(root_of_difference(&Moment::of(squares, |value| *value), &Moment::of(noises, |value| *value)))
+}
+
 /// A mean and its variance; the variance is not known from a single point.
 #[derive(Clone, Copy, Debug)]
 struct Moment {
@@ -124,7 +133,7 @@ struct Moment {
 impl Moment {
     const ZERO: Self = Self { value: 0.0, variance: Some(0.0), spread: 0.0 };
 
-    fn of(samples: &[Sample], value: impl Fn(&Sample) -> f64) -> Self {
+    fn of<T>(samples: &[T], value: impl Fn(&T) -> f64) -> Self {
         let n = samples.len() as f64;
         let mean = samples.iter().map(&value).sum::<f64>() / n;
         if samples.len() < 2 {

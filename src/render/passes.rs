@@ -1,0 +1,180 @@
+//! A scene made ready once and rendered in passes: pictures of the same expectation that differ in their random numbers only.
+
+use rayon::prelude::*;
+
+use super::RenderError;
+use super::calibration::settle;
+use super::film::{Film, Pixel};
+use super::lighting::{Clock, Lighting};
+use super::pipeline::{Options, tiles};
+use super::progress::Progress;
+use super::statistics::{Statistics, Watch};
+use super::tile::{Frame, Tile, TileSpace};
+use crate::effects::Effects;
+use crate::fragment::{Bins, PixelRect, TileGrid};
+use crate::hash::hash;
+use crate::scene::Scene;
+
+/// Purpose of the random numbers that are the passes' seeds.
+const PASS: u32 = 0x5041_5353;
+
+/// The seed of a pass, counted from 0; the first has the picture's own.
+#[must_use]
+pub fn pass_seed(seed: u32, pass: u32) -> u32 {
+    if pass == 0 { seed } else { hash(&[PASS, seed, pass]) }
+}
+
+/// A scene with all its structures built and its settings of Γ found.
+#[derive(Debug)]
+pub struct Prepared<'s> {
+    lighting: Lighting<'s>,
+    full_size: [u32; 2],
+    grid: TileGrid,
+    bins: Bins,
+    statistics: Statistics,
+    marked: Vec<[u32; 2]>,
+}
+
+/// Single pixels, and the work that they took.
+#[derive(Clone, Debug, Default)]
+pub struct Pixels {
+    /// In the order in which they were asked for.
+    pub pixels: Vec<Pixel>,
+    pub hair_points: u64,
+    pub surface_points: u64,
+}
+
+impl<'s> Prepared<'s> {
+    /// Builds what the scene calls for. The scene loses its surfaces, which go into the structures that rays meet. Call it in the pool of threads
+    /// that is to do the work ([`super::with_threads`]).
+    ///
+    /// # Errors
+    /// As [`super::render`].
+    pub fn new(scene: &'s mut Scene, options: &Options, progress: &dyn Progress) -> Result<Self, RenderError> {
+        let watch = Watch::start();
+        progress.stage("building", 0);
+        let effects = Effects::of(scene);
+        let mut statistics = Statistics {
+            segments: scene.hair.segments() as u64,
+            triangles: scene.surfaces.triangles() as u64,
+            threads: rayon::current_num_threads(),
+            effects: effects.list(),
+            notes: scene.notes.clone(),
+            ..Statistics::default()
+        };
+        let mut lighting = Lighting::new(scene, effects)?;
+        statistics.stage("building", &watch);
+        let watch = Watch::start();
+        statistics.occlusion = settle(&mut lighting, progress)?;
+        if effects.calibration {
+            statistics.stage("calibrating", &watch);
+        }
+        if effects.photons {
+            let watch = Watch::start();
+            progress.stage("tracing photons", 0);
+            lighting.trace_photons();
+            statistics.stage("tracing photons", &watch);
+        }
+        let watch = Watch::start();
+        let full_size = lighting.scene().camera.resolution();
+        let window = options.window.unwrap_or(PixelRect::image(full_size));
+        let (grid, bins) = tiles(&Frame::new(&lighting), window)?;
+        statistics.stage("binning", &watch);
+        Ok(Self { lighting, full_size, grid, bins, statistics, marked: Vec::new() })
+    }
+
+    /// The scene, its surfaces taken out.
+    pub fn scene(&self) -> &'s Scene {
+        self.lighting.scene()
+    }
+
+    /// What was done so far.
+    pub fn statistics(&self) -> &Statistics {
+        &self.statistics
+    }
+
+    /// The pixels that are rendered.
+    pub fn window(&self) -> PixelRect {
+        self.grid.rect()
+    }
+
+    /// Adds to what was done: of stages outside of this one's reach.
+    pub fn statistics_mut(&mut self) -> &mut Statistics {
+        &mut self.statistics
+    }
+
+    /// Renders all pixels with random numbers of a seed.
+    ///
+    /// # Errors
+    /// Cancelled work.
+    pub fn pass(&mut self, seed: u32, progress: &dyn Progress) -> Result<Film, RenderError> {
+        let watch = Watch::start();
+        progress.stage("rendering", self.grid.count() as u64);
+        let frame = Frame { seed, ..Frame::new(&self.lighting) };
+        let mut film = Film::new(self.grid.rect(), self.full_size);
+        let tiles: Vec<_> = (0..self.grid.count())
+            .into_par_iter()
+            // Tiles differ in time by orders of magnitude: each is a job of its own.
+            .with_max_len(1)
+            .map_init(TileSpace::default, |space, index| {
+                let tile = frame.render(&self.grid.tile(index), self.bins.tile(index), space, progress);
+                progress.advance(1);
+                tile
+            })
+            .collect();
+        let mut clock = Clock::default();
+        self.marked.clear();
+        for (index, tile) in tiles.into_iter().enumerate() {
+            let tile = tile.ok_or(RenderError::Cancelled)?;
+            film.place(&self.grid.tile(index), &tile.pixels);
+            film.place_cost(&self.grid.tile(index), &tile.costs);
+            clock.add(&tile.clock);
+            count(&mut self.statistics, &mut self.marked, tile);
+        }
+        film.mend(&self.marked);
+        let parts = &mut self.statistics.cpu_seconds;
+        parts.gamma += clock.gamma.as_secs_f64();
+        parts.lambda += clock.lambda.as_secs_f64();
+        parts.direct += clock.direct.as_secs_f64();
+        self.statistics.mean = film.mean_beauty().to_array();
+        self.statistics.passes += 1;
+        self.statistics.stage("rendering", &watch);
+        Ok(film)
+    }
+
+    /// Renders single pixels (columns and rows in the whole picture, inside the window), each as [`Self::pass`] with this seed would.
+    ///
+    /// # Errors
+    /// Cancelled work.
+    pub fn pixels(&self, at: &[[u32; 2]], seed: u32, progress: &dyn Progress) -> Result<Pixels, RenderError> {
+        let frame = Frame { seed, ..Frame::new(&self.lighting) };
+        let tiles: Option<Vec<Tile>> = at
+            .par_iter()
+            .with_max_len(1)
+            .map_init(TileSpace::default, |space, &[x, y]| {
+                let rect = PixelRect { min: [x, y], max: [x + 1, y + 1] };
+                let tile = frame.render(&rect, self.bins.tile(self.grid.index_at(x, y)), space, progress);
+                progress.advance(1);
+                tile
+            })
+            .collect();
+        let mut all = Pixels::default();
+        for tile in tiles.ok_or(RenderError::Cancelled)? {
+            all.hair_points += tile.hair_points;
+            all.surface_points += tile.surface_points;
+            all.pixels.extend(tile.pixels);
+        }
+        Ok(all)
+    }
+}
+
+fn count(statistics: &mut Statistics, marked: &mut Vec<[u32; 2]>, tile: Tile) {
+    statistics.hair_fragments += tile.fragments;
+    statistics.hair_points += tile.hair_points;
+    statistics.surface_points += tile.surface_points;
+    statistics.cpu_seconds.fragments += tile.fragment_time.as_secs_f64();
+    marked.extend(tile.non_finite.iter().map(|n| n.pixel));
+    statistics.non_finite += tile.non_finite.len() as u64;
+    let room = Statistics::EXAMPLES.saturating_sub(statistics.non_finite_examples.len());
+    statistics.non_finite_examples.extend(tile.non_finite.into_iter().take(room));
+}

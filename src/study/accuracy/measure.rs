@@ -1,0 +1,220 @@
+//! Renders of one scene with many settings: loaded once, its description changed from render to render.
+
+use std::path::{Path, PathBuf};
+
+use super::errors::Picture;
+use super::run::StudyError;
+use super::settings::Facts;
+use super::state::{Measured, file_hash, key};
+use crate::effects::Effects;
+use crate::hash::{hash, unit};
+use crate::image::RgbImage;
+use crate::render::progress::Progress;
+use crate::render::statistics::{Watch, peak_memory};
+use crate::render::{self, Film, Prepared, with_threads};
+use crate::scene::{self, Scene};
+use crate::surface::SurfaceModel;
+
+/// Purposes of random numbers.
+const REPEAT: u32 = 0x5250_4541;
+const REFERENCE: u32 = 0x5245_4652;
+const PROBE: u32 = 0x5052_4F42;
+
+/// Pixels of a probe.
+const PROBED: u32 = 32;
+
+/// Forwards nothing but the wish to stop.
+pub(super) struct Quiet<'a>(pub &'a dyn Progress);
+
+impl Progress for Quiet<'_> {
+    fn stage(&self, _: &str, _: u64) {}
+    fn advance(&self, _: u64) {}
+    fn message(&self, _: &str) {}
+    fn cancelled(&self) -> bool {
+        self.0.cancelled()
+    }
+}
+
+/// A scene to be rendered with many settings.
+pub(super) struct Bench<'a> {
+    path: PathBuf,
+    /// The user's overrides and the size of the picture.
+    fixed: Vec<String>,
+    scene: Scene,
+    surfaces: SurfaceModel,
+    threads: Option<usize>,
+    /// The scene's own.
+    seed: u32,
+    /// Hash of all that is the same for every render.
+    base: String,
+    progress: &'a dyn Progress,
+}
+
+/// Seconds of the clock on the wall that a render takes: before its pixels, and for each of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(super) struct Pace {
+    pub before: f64,
+    pub pixel: f64,
+}
+
+impl Pace {
+    pub fn of(&self, pixels: f64) -> f64 {
+        self.before + self.pixel * pixels
+    }
+}
+
+/// What a study leaves out of its pictures: other layers would cost time that is none of its business.
+const LAYERS: &str = "output.layers=[\"beauty\", \"alpha\"]";
+
+impl<'a> Bench<'a> {
+    /// Loads a scene at a size.
+    pub fn new(
+        path: &Path,
+        overrides: &[String],
+        size: Option<[u32; 2]>,
+        threads: Option<usize>,
+        progress: &'a dyn Progress,
+    ) -> Result<Self, StudyError> {
+        progress.stage("loading", 0);
+        let mut fixed = overrides.to_vec();
+        fixed.push(LAYERS.to_owned());
+        fixed.extend(size.map(|[width, height]| format!("camera.resolution=[{width}, {height}]")));
+        let document = scene::load(path, &fixed)?;
+        let files: Vec<String> = document
+            .description
+            .hair
+            .iter()
+            .filter_map(|hair| hair.file.as_ref())
+            .chain(document.description.surface.iter().filter_map(|surface| surface.file.as_ref()))
+            .chain(document.description.environment.file.as_ref())
+            .map(|file| file_hash(&document.resolve(file)))
+            .collect();
+        let parts = [env!("CARGO_PKG_VERSION"), &document.source_hash, &fixed.join("\n"), &files.join("\n")];
+        let (base, seed) = (key(&parts), document.description.sampling.seed);
+        let scene = Scene::load(document)?;
+        let surfaces = scene.surfaces.clone();
+        Ok(Self { path: path.to_owned(), fixed, scene, surfaces, threads, seed, base, progress })
+    }
+
+    pub fn facts(&self) -> Facts {
+        Facts {
+            effects: Effects::of(&self.scene),
+            occlusion: self.scene.description().occlusion.clone(),
+            segments: self.scene.hair.segments(),
+            size: self.scene.space.scene_length(1.0),
+        }
+    }
+
+    pub fn size(&self) -> [u32; 2] {
+        self.scene.description().camera.resolution
+    }
+
+    pub fn exposure(&self) -> f32 {
+        self.scene.description().output.exposure as f32
+    }
+
+    pub fn notes(&self) -> &[String] {
+        &self.scene.notes
+    }
+
+    /// The seed of a repetition, counted from 0: the scene's own is the first.
+    pub fn repeat_seed(&self, repeat: u32) -> u32 {
+        let seed = self.seed;
+        if repeat == 0 { seed } else { hash(&[REPEAT, seed, repeat]) }
+    }
+
+    /// The seed of a pass of the reference.
+    pub fn reference_seed(&self, pass: u32) -> u32 {
+        hash(&[REFERENCE, self.seed, pass])
+    }
+
+    /// The key of a render of these settings.
+    pub fn key(&self, set: &[String], seed: u32) -> String {
+        key(&[&self.base, &set.join("\n"), &seed.to_string()])
+    }
+
+    /// Puts settings into the scene, and back the surfaces that the last render took out.
+    fn set(&mut self, set: &[String]) -> Result<(), StudyError> {
+        let all = [&self.fixed[..], set].concat();
+        self.scene.document.description = scene::load(&self.path, &all)?.description;
+        self.scene.surfaces = self.surfaces.clone();
+        Ok(())
+    }
+
+    /// A render as `tress render` would do it.
+    pub fn render(&mut self, label: &str, set: &[String], seed: u32) -> Result<(Measured, Picture), StudyError> {
+        self.set(&[set, &[format!("sampling.seed={seed}")]].concat())?;
+        let own_peak = reset_peak();
+        let options = render::Options { window: None, threads: self.threads };
+        let (film, statistics) = render::render(&mut self.scene, &options, &Quiet(self.progress))?;
+        let (key, label) = (self.key(set, seed), label.to_owned());
+        let measured = Measured { key, label, seed, stages: statistics.stages, peak_bytes: peak_memory(), own_peak };
+        Ok((measured, picture(&film)))
+    }
+
+    /// Passes of one set of settings, one for each seed; `done` takes each as soon as it is there, and says whether to go on.
+    pub fn passes(
+        &mut self,
+        label: &str,
+        set: &[String],
+        seeds: &[u32],
+        mut done: impl FnMut(Measured, Picture) -> Result<(), StudyError> + Send,
+    ) -> Result<(), StudyError> {
+        self.set(set)?;
+        let (threads, base, progress) = (self.threads, self.base.clone(), self.progress);
+        let own_peak = reset_peak();
+        let (scene, quiet) = (&mut self.scene, Quiet(progress));
+        let options = render::Options { window: None, threads };
+        with_threads(threads, || {
+            let mut prepared = Prepared::new(scene, &options, &quiet)?;
+            let mut before = prepared.statistics().stages.clone();
+            for &seed in seeds {
+                let watch = Watch::start();
+                let film = prepared.pass(seed, &quiet)?;
+                // The first pass pays for the structures.
+                let mut stages = std::mem::take(&mut before);
+                stages.push(watch.stage("rendering"));
+                let key = key(&[&base, &set.join("\n"), &seed.to_string()]);
+                let label = label.to_owned();
+                done(Measured { key, label, seed, stages, peak_bytes: peak_memory(), own_peak }, picture(&film))?;
+            }
+            Ok(())
+        })?
+    }
+
+    /// How long a render of these settings takes, from a few of its pixels.
+    pub fn probe(&mut self, set: &[String]) -> Result<Pace, StudyError> {
+        self.set(set)?;
+        let (threads, quiet) = (self.threads, Quiet(self.progress));
+        let [width, height] = self.size();
+        let place = |i: u32, axis: u32, side: u32| (unit(&[PROBE, i, axis]) * f64::from(side)) as u32;
+        let at: Vec<[u32; 2]> = (0..PROBED).map(|i| [place(i, 0, width), place(i, 1, height)]).collect();
+        let passes = self.scene.description().passes();
+        let scene = &mut self.scene;
+        with_threads(threads, || {
+            let watch = Watch::start();
+            let options = render::Options { window: None, threads };
+            let prepared = Prepared::new(scene, &options, &quiet)?;
+            let before = watch.elapsed().as_secs_f64();
+            let watch = Watch::start();
+            prepared.pixels(&at, 0, &quiet)?;
+            let pixel = watch.elapsed().as_secs_f64() / f64::from(PROBED) * f64::from(passes);
+            Ok(Pace { before, pixel })
+        })?
+    }
+}
+
+fn picture(film: &Film) -> Picture {
+    let rgb = RgbImage {
+        width: film.width() as u32,
+        height: film.height() as u32,
+        pixels: film.pixels.iter().map(|pixel| pixel.beauty.to_array()).collect(),
+    };
+    Picture { rgb, alpha: film.pixels.iter().map(|pixel| pixel.alpha).collect() }
+}
+
+/// Lets the kernel forget the largest resident memory of this process so far; whether it did.
+fn reset_peak() -> bool {
+    // 5: the number of the kernel's manual (proc(5), clear_refs) for the peak resident set size.
+    std::fs::write("/proc/self/clear_refs", "5").is_ok()
+}

@@ -1,0 +1,280 @@
+//! The settings that trade accuracy for time: which values are tried, and on which scenes.
+//!
+//! A new setting is a new line of [`SWEPT`].
+
+use crate::effects::Effects;
+use crate::scene::description::{Occlusion, OcclusionMode};
+
+/// What decides whether a setting matters on a scene.
+#[derive(Clone, Debug)]
+pub struct Facts {
+    pub effects: Effects,
+    pub occlusion: Occlusion,
+    pub segments: usize,
+    /// Size of the scene, in scene units.
+    pub size: f64,
+}
+
+impl Facts {
+    fn occluded(&self) -> bool {
+        let e = &self.effects;
+        e.hair && (e.environment || e.area_lights || e.reflection) && self.occlusion.mode != OcclusionMode::None
+    }
+}
+
+/// Values that are tried.
+#[derive(Clone, Copy, Debug)]
+pub enum Values {
+    /// As they are written after `--set key=`.
+    Given(&'static [&'static str]),
+    /// Lengths, in sizes of the scene.
+    Sizes(&'static [f64]),
+}
+
+/// One setting of the sweep.
+#[derive(Clone, Copy, Debug)]
+pub struct Swept {
+    /// Its key in a scene.
+    pub key: &'static str,
+    /// What it is, for readers.
+    pub name: &'static str,
+    pub values: Values,
+    /// Settings that it needs beside it.
+    pub with: &'static [&'static str],
+    /// Why it is without effect on a scene; none where it has one.
+    pub idle: fn(&Facts) -> Option<&'static str>,
+}
+
+/// Segment by segment, a point of a larger model takes a good part of a second.
+const MOST_SEGMENTS: usize = 100_000;
+
+const IGLOO: &[&str] = &["occlusion.mode=igloo"];
+const RAYS: &[&str] = &["occlusion.mode=raytraced"];
+const NO_OCCLUSION: &str = "the scene has no hair occlusion";
+
+fn unless(holds: bool, reason: &'static str) -> Option<&'static str> {
+    (!holds).then_some(reason)
+}
+
+fn no_occlusion(facts: &Facts) -> Option<&'static str> {
+    unless(facts.occluded(), NO_OCCLUSION)
+}
+
+fn no_lumps(facts: &Facts) -> Option<&'static str> {
+    let by_segments = facts.occlusion.by_segments();
+    no_occlusion(facts).or(unless(!by_segments, "the scene projects hair segment by segment"))
+}
+
+fn no_accuracy(facts: &Facts) -> Option<&'static str> {
+    no_occlusion(facts).or(unless(
+        facts.occlusion.wants_calibration(),
+        "the scene says by hand how finely hair occlusion is found, in place of an accuracy",
+    ))
+}
+
+fn no_thinning(facts: &Facts) -> Option<&'static str> {
+    no_occlusion(facts).or(unless(
+        facts.segments <= MOST_SEGMENTS,
+        "thinned hair is projected segment by segment, and the scene has more than 100,000: that takes hours",
+    ))
+}
+
+fn no_light_around(facts: &Facts) -> Option<&'static str> {
+    let e = &facts.effects;
+    unless(e.environment || e.area_lights || e.reflection, "no light comes from all around")
+}
+
+/// All settings of the sweep, one at a time around the scene's own.
+pub const SWEPT: &[Swept] = &[
+    Swept {
+        key: "occlusion.mode",
+        name: "estimator",
+        values: Values::Given(&["igloo", "raytraced", "auto"]),
+        with: &[],
+        idle: no_occlusion,
+    },
+    Swept {
+        key: "occlusion.accuracy",
+        name: "accuracy",
+        values: Values::Given(&["0.05", "0.02", "0.01", "0.005", "0.0025"]),
+        with: &[],
+        idle: no_accuracy,
+    },
+    Swept {
+        key: "occlusion.faces",
+        name: "faces",
+        values: Values::Given(&["16", "36", "64", "128", "256"]),
+        with: &[],
+        idle: no_light_around,
+    },
+    Swept {
+        key: "occlusion.opening",
+        name: "opening",
+        values: Values::Given(&["3", "1.5", "1", "0.5"]),
+        with: IGLOO,
+        idle: no_lumps,
+    },
+    Swept {
+        key: "occlusion.rays",
+        name: "rays a point",
+        values: Values::Given(&["100", "400", "1600"]),
+        with: RAYS,
+        idle: no_occlusion,
+    },
+    Swept {
+        key: "occlusion.crossings",
+        name: "crossings of rays",
+        values: Values::Given(&["multiply"]),
+        with: RAYS,
+        idle: no_occlusion,
+    },
+    Swept {
+        key: "occlusion.thinning.fraction",
+        name: "thinning: fraction",
+        values: Values::Given(&["0.5", "0.2", "0.05"]),
+        with: IGLOO,
+        idle: no_thinning,
+    },
+    Swept {
+        key: "occlusion.thinning.distance_unit",
+        name: "thinning: distance unit",
+        values: Values::Sizes(&[0.3, 0.1, 0.03]),
+        with: IGLOO,
+        idle: no_thinning,
+    },
+    Swept {
+        key: "sampling.layers",
+        name: "layers",
+        values: Values::Given(&["1", "2", "4", "8", "16", "32"]),
+        with: &[],
+        idle: |facts| unless(facts.effects.hair, "the scene has no hair"),
+    },
+    Swept {
+        key: "sampling.area_light_samples",
+        name: "area light samples",
+        values: Values::Given(&["1", "4", "16", "64"]),
+        with: &[],
+        idle: |facts| unless(facts.effects.area_lights, "the scene has no area light"),
+    },
+    Swept {
+        key: "sampling.surface_samples",
+        name: "surface samples",
+        values: Values::Given(&["16", "64", "256"]),
+        with: &[],
+        idle: |facts| unless(facts.effects.surfaces, "the scene has no visible surface"),
+    },
+    Swept {
+        key: "sampling.passes",
+        name: "passes",
+        values: Values::Given(&["2", "4"]),
+        with: &[],
+        idle: |facts| {
+            let e = &facts.effects;
+            unless(e.surfaces || e.raytraced_occlusion, "nothing is random here: all passes are alike")
+        },
+    },
+];
+
+/// All settings together, from coarse to fine: accuracy, faces, layers, area light samples, surface samples.
+pub const KNOB: &[(&str, [&str; 5])] = &[
+    ("draft", ["0.04", "25", "1", "4", "16"]),
+    ("preview", ["0.02", "36", "2", "9", "16"]),
+    ("standard", ["0.01", "64", "4", "16", "16"]),
+    ("fine", ["0.005", "100", "8", "25", "36"]),
+    ("very fine", ["0.0025", "144", "16", "36", "64"]),
+    ("finest", ["0.0015", "256", "32", "64", "64"]),
+];
+
+const KNOB_KEYS: [&str; 5] = [
+    "occlusion.accuracy",
+    "occlusion.faces",
+    "sampling.layers",
+    "sampling.area_light_samples",
+    "sampling.surface_samples",
+];
+
+/// A place of the knob as settings after `--set`; those that are idle on the scene are left out.
+#[must_use]
+pub fn knob(values: &[&str; 5], facts: &Facts) -> Vec<String> {
+    let idle = |key: &str| SWEPT.iter().any(|swept| swept.key == key && (swept.idle)(facts).is_some());
+    let pairs = KNOB_KEYS.iter().zip(values).filter(|(key, _)| !idle(key));
+    pairs.map(|(key, value)| format!("{key}={value}")).collect()
+}
+
+/// Faces a hemisphere and layers of references, from coarse to fine; the finest that the time allows is taken. What is left of the error of faces falls with
+/// their number.
+pub const REFERENCES: [[u32; 2]; 3] = [[64, 32], [128, 64], [256, 256]];
+
+/// How many times as long each takes as the second, roughly: by faces and by the layers that most pixels have.
+pub const REFERENCE_WORK: [f64; 3] = [0.35, 1.0, 3.5];
+
+/// What a reference is rendered with, beside a seed and a number of passes.
+#[must_use]
+pub fn reference(facts: &Facts, [faces, layers]: [u32; 2]) -> Vec<String> {
+    let mut set = Vec::new();
+    if no_light_around(facts).is_none() {
+        set.push(format!("occlusion.faces={faces}"));
+    }
+    if facts.occluded() {
+        set.push("occlusion.mode=raytraced".to_owned());
+        // A ray a face: more passes are worth more than more rays, as they draw everything else anew, too.
+        set.push(format!("occlusion.rays={}", 2 * faces));
+    }
+    set.push(format!("sampling.layers={layers}"));
+    if facts.effects.area_lights {
+        set.push("sampling.area_light_samples=64".to_owned());
+    }
+    if facts.effects.surfaces {
+        set.push("sampling.surface_samples=64".to_owned());
+    }
+    set
+}
+
+/// One render of the sweep.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Case {
+    /// Name of the setting; "default" for the scene as it is, "knob" for all together.
+    pub setting: String,
+    pub value: String,
+    /// Settings, as after `--set`.
+    pub set: Vec<String>,
+}
+
+/// A setting that is not swept, and why.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Skipped {
+    pub setting: String,
+    pub key: String,
+    pub reason: String,
+}
+
+/// What is rendered on a scene, and what is not. The scene as it is comes first, then the knob.
+#[must_use]
+pub fn cases(facts: &Facts) -> (Vec<Case>, Vec<Skipped>) {
+    let mut cases =
+        vec![Case { setting: "default".to_owned(), value: "the scene as it is".to_owned(), set: Vec::new() }];
+    let mut skipped = Vec::new();
+    let modes: &[&str] = if facts.occluded() { &["igloo", "raytraced"] } else { &[""] };
+    for (mode, (name, values)) in modes.iter().flat_map(|mode| KNOB.iter().map(move |level| (mode, level))) {
+        let mut set = knob(values, facts);
+        set.extend((!mode.is_empty()).then(|| format!("occlusion.mode={mode}")));
+        cases.push(Case { setting: format!("knob {mode}").trim_end().to_owned(), value: (*name).to_owned(), set });
+    }
+    for swept in SWEPT {
+        if let Some(reason) = (swept.idle)(facts) {
+            let (setting, key) = (swept.name.to_owned(), swept.key.to_owned());
+            skipped.push(Skipped { setting, key, reason: reason.to_owned() });
+            continue;
+        }
+        let values: Vec<String> = match swept.values {
+            Values::Given(values) => values.iter().map(|value| (*value).to_owned()).collect(),
+            Values::Sizes(sizes) => sizes.iter().map(|size| format!("{:.4e}", size * facts.size)).collect(),
+        };
+        for value in values {
+            let mut set: Vec<String> = swept.with.iter().map(|with| (*with).to_owned()).collect();
+            set.push(format!("{}={value}", swept.key));
+            cases.push(Case { setting: swept.name.to_owned(), value, set });
+        }
+    }
+    (cases, skipped)
+}
