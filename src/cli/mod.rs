@@ -10,9 +10,11 @@ mod info;
 pub mod interrupt;
 mod log;
 mod man;
+mod pixel;
 pub mod progress;
 pub mod render;
 mod schema;
+mod selftest;
 mod summary;
 pub mod values;
 
@@ -43,6 +45,7 @@ enum Command {
     Info(info::Arguments),
     Grow(grow::Arguments),
     Schema(schema::Arguments),
+    Selftest(selftest::Arguments),
     Man(man::Arguments),
     Completions(completions::Arguments),
 }
@@ -93,6 +96,7 @@ fn run(cli: Cli) -> ExitCode {
         Command::Info(arguments) => info::run(arguments),
         Command::Grow(arguments) => grow::run(arguments, verbosity),
         Command::Schema(arguments) => schema::run(arguments),
+        Command::Selftest(arguments) => selftest::run(&arguments, verbosity),
         Command::Man(arguments) => man::run(arguments),
         Command::Completions(arguments) => completions::run(arguments),
     };

@@ -4,6 +4,10 @@ use glam::Vec3;
 
 use super::Strands;
 
+/// Segments up to this length, in render units, are taken for none: squares of shorter ones leave the normal numbers of `f32`, and
+/// with them their direction its digits.
+pub const SHORTEST: f64 = 1e-15;
+
 /// Hair of a whole scene, structure of arrays. Segment `s` runs from point `segment_point[s]` to the next one.
 #[derive(Clone, Debug, Default)]
 pub struct HairModel {
@@ -42,7 +46,7 @@ impl HairModel {
                 if point > start {
                     let length = f64::from(position.distance(strands.points[point - 1]));
                     arc += length;
-                    if length > 0.0 {
+                    if length > SHORTEST {
                         self.segment_point.push(here - 1);
                         self.strand.push(strand);
                         let ends = [point - 1, point].map(|p| strands.transparency.at(index, p));
