@@ -121,7 +121,11 @@ pub fn render(
     std::fs::write(folder.path().join("floor.obj"), floor)?;
     let path = folder.path().join("scene.toml");
     std::fs::write(&path, text(place, light))?;
-    let settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
+    let mut settings: Vec<String> = settings.iter().map(|s| (*s).to_owned()).collect();
+    // Γ by every segment, unless another way is asked for.
+    if light == Light::Sky && !settings.iter().any(|setting| setting.starts_with("occlusion.")) {
+        settings.push("occlusion.thinning={fraction=1}".to_owned());
+    }
     let document = scene::load(&path, &settings).map_err(|e| Error::Scene(e.to_string()))?;
     let mut scene = Scene::load(document).map_err(|e| Error::Scene(e.to_string()))?;
     Ok(render::render(&mut scene, &Options::default(), &Unwatched)?)
@@ -153,9 +157,7 @@ fn text(place: Place, light: Light) -> String {
             along(0.5, -1.0, -0.3),
             9.0 * square
         ),
-        Light::Sky => {
-            "[environment]\ncolor = [0.5, 0.6, 0.8]\n[occlusion]\nfaces = 64\nthinning = { fraction = 1 }\n".to_owned()
-        }
+        Light::Sky => "[environment]\ncolor = [0.5, 0.6, 0.8]\n[occlusion]\nfaces = 64\n".to_owned(),
     };
     format!("{camera}{models}{light}[sampling]\nsurface_samples = 16\nlayers = 1000\n")
 }
