@@ -64,8 +64,10 @@ fn normals(draw: &mut Draw) -> Measured {
     let wrong = mesh.triangles.iter().filter(|triangle| {
         let [a, b, c] = triangle.map(|i| mesh.positions[i as usize].as_dvec3());
         let (across, middle) = ((b - a).cross(c - a), (a + b + c) / 3.0);
-        // Below the rounding of its corners a triangle has no side.
-        let sure = across.dot(middle).abs() > 64.0 * U32 * middle.length() * a.distance(b) * a.distance(c);
+        // Each corner is rounded by up to √3 u of its distance, which turns the product of two sides by as much times their lengths: of a ball
+        // squeezed a million times thinner than it is long, triangles at the tips have no side.
+        let rounding = 4.0 * U32 * a.length().max(b.length()).max(c.length());
+        let sure = across.dot(middle).abs() > rounding * (a.distance(b) + a.distance(c)) * middle.length();
         sure && across.dot(middle) < 0.0
     });
     let wrong = wrong.count();
