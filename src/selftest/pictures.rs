@@ -219,7 +219,7 @@ pub fn changes() -> Vec<Change> {
 /// Every change, in one light.
 ///
 /// # Errors
-/// As [`render`].
+/// As [`render()`].
 pub fn invariances(light: Light, settings: &[&str]) -> Result<Vec<Outcome>, Error> {
     let (reference, _) = render(&strands(), Place::HERE, light, settings)?;
     let mut outcomes = Vec::new();
@@ -243,7 +243,7 @@ pub fn invariances(light: Light, settings: &[&str]) -> Result<Vec<Outcome>, Erro
 /// counted in whole numbers: the order of strands changes no bit.
 ///
 /// # Errors
-/// As [`render`].
+/// As [`render()`].
 pub fn permutation() -> Result<Outcome, Error> {
     let of = |strands: &[Vec<DVec3>]| render(strands, Place::HERE, Light::Direct, &["surface[0].color=[0,0,0]"]);
     let here = strands();
@@ -259,7 +259,7 @@ pub fn permutation() -> Result<Outcome, Error> {
 /// A face's mean of sin θ is taken at its middle; with 64 faces the sum over the sphere is good to 1e-3. There is no highlight: its albedo would come on top.
 ///
 /// # Errors
-/// As [`render`].
+/// As [`render()`].
 pub fn furnace() -> Result<Outcome, Error> {
     let white =
         ["environment.color=[1,1,1]", "hair[0].color=[1,1,1]", "surface[0].color=[1,1,1]", "hair[0].specular=[0,0,0]"];
@@ -274,7 +274,7 @@ pub fn furnace() -> Result<Outcome, Error> {
 /// The pictures of `tress selftest`.
 ///
 /// # Errors
-/// As [`render`].
+/// As [`render()`].
 pub fn quick() -> Result<Vec<Outcome>, Error> {
     let mut all = invariances(Light::Direct, &[])?;
     all.push(permutation()?);
