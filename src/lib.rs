@@ -13,6 +13,7 @@ pub mod image;
 pub mod occlusion;
 pub mod render;
 pub mod scene;
+pub mod selftest;
 pub mod shading;
 pub mod study;
 pub mod surface;

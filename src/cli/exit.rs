@@ -8,7 +8,7 @@ use std::process::ExitCode;
 pub(crate) const USAGE: u8 = 2;
 
 /// Every exit code and its meaning, for the help and the manual page.
-pub(crate) const STATUS: [(u8, &str); 8] = [
+pub(crate) const STATUS: [(u8, &str); 9] = [
     (0, "done"),
     (1, "a bug in tress"),
     (USAGE, "the command line is wrong"),
@@ -16,6 +16,7 @@ pub(crate) const STATUS: [(u8, &str); 8] = [
     (4, "the output cannot be written"),
     (5, "the two estimators of hair occlusion differ by more than the accuracy"),
     (6, "with --strict: values that are not finite were met"),
+    (7, "selftest: a number differs from its truth by more than its bound"),
     (130, "interrupted (Ctrl-C)"),
 ];
 
@@ -43,6 +44,9 @@ pub enum Failure {
     /// With `--strict`: values that are not finite were met.
     #[error("{0}")]
     NonFinite(String),
+    /// The self-test found numbers beyond their bounds.
+    #[error("{0}")]
+    Unsound(String),
     /// The user stopped it.
     #[error("interrupted")]
     Interrupted,
@@ -61,6 +65,7 @@ impl Failure {
             Failure::Output(_) => 4,
             Failure::Disagreement(_) => 5,
             Failure::NonFinite(_) => 6,
+            Failure::Unsound(_) => 7,
             Failure::Interrupted => 130,
         }
     }
@@ -120,6 +125,7 @@ mod tests {
             Failure::Output(text()),
             Failure::Disagreement(text()),
             Failure::NonFinite(text()),
+            Failure::Unsound(text()),
             Failure::Interrupted,
             Failure::Bug(text()),
         ] {

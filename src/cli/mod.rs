@@ -11,9 +11,11 @@ pub mod interrupt;
 mod log;
 mod man;
 mod memory;
+mod pixel;
 pub mod progress;
 pub mod render;
 mod schema;
+mod selftest;
 mod study;
 mod summary;
 pub mod values;
@@ -46,6 +48,7 @@ enum Command {
     Info(info::Arguments),
     Grow(grow::Arguments),
     Schema(schema::Arguments),
+    Selftest(selftest::Arguments),
     Man(man::Arguments),
     Completions(completions::Arguments),
 }
@@ -97,6 +100,7 @@ fn run(cli: Cli) -> ExitCode {
         Command::Info(arguments) => info::run(arguments),
         Command::Grow(arguments) => grow::run(arguments, verbosity),
         Command::Schema(arguments) => schema::run(arguments),
+        Command::Selftest(arguments) => selftest::run(&arguments, verbosity),
         Command::Man(arguments) => man::run(arguments),
         Command::Completions(arguments) => completions::run(arguments),
     };

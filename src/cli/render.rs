@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::PossibleValuesParser;
 
+use super::exit::print;
 use super::memory::{Memory, thread_count};
 use super::values::{self, Crop, Frames, Resolution};
-use super::{Failure, Overrides, Verbosity, crosscheck, interrupt, load, progress::Reporter, summary};
+use super::{Failure, Overrides, Verbosity, crosscheck, interrupt, load, pixel, progress::Reporter, summary};
 use crate::embree;
 use crate::file::write_whole;
 use crate::fragment::PixelRect;
@@ -35,6 +36,9 @@ pub(crate) struct Arguments {
     /// Render only these pixels: columns x0 to before x1, rows y0 to before y1, from the top left
     #[arg(long, value_name = "x0,y0,x1,y1", value_parser = values::crop, allow_hyphen_values = true)]
     crop: Option<Crop>,
+    /// Render this pixel alone and print what makes it up: its fragments, layers and shading points with their Γ and light. Nothing is written; with -v as JSON
+    #[arg(long, value_name = "x,y", value_parser = values::pixel, conflicts_with_all = ["crop", "output", "stats", "crosscheck", "strict"])]
+    pixel: Option<[u32; 2]>,
     /// Frames to render: 5, 1-10, 1-10x2 (each second) or a list of these with commas; 1 unless given
     #[arg(long, value_name = "FRAMES", value_parser = values::frames, allow_hyphen_values = true)]
     frames: Option<Frames>,
@@ -95,6 +99,9 @@ pub struct RenderRequest {
 }
 
 pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Failure> {
+    if let Some(pixel) = arguments.pixel {
+        return one_pixel(&arguments, pixel, verbosity);
+    }
     let memory = arguments.memory;
     let request = request(arguments, verbosity)?;
     interrupt::install().map_err(|e| Failure::Bug(format!("cannot catch Ctrl-C: {e}")))?;
@@ -114,6 +121,28 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
     }
     strict(&request, &reports)?;
     reports.iter().filter_map(|report| report.crosscheck.as_ref()).try_for_each(crosscheck::verdict)
+}
+
+/// `--pixel`: of the first of the frames.
+fn one_pixel(arguments: &Arguments, pixel: [u32; 2], verbosity: Verbosity) -> Result<(), Failure> {
+    let document = load(&arguments.scene, &settings(arguments), verbosity)?;
+    let [width, height] = document.description.camera.resolution;
+    let [x, y] = pixel;
+    if x >= width || y >= height {
+        return Err(Failure::Usage(format!("--pixel {x},{y} lies outside the picture of {width}x{height} pixels")));
+    }
+    interrupt::install().map_err(|e| Failure::Bug(format!("cannot catch Ctrl-C: {e}")))?;
+    let frame = arguments.frames.as_ref().and_then(|frames| frames.numbers().first().copied()).unwrap_or(1);
+    let mut scene = Scene::load(document.at_frame(frame)).map_err(|e| Failure::Input(e.to_string()))?;
+    // Progress goes to the terminal's other stream; the pixel alone is the output.
+    let reporter = Reporter::new(Verbosity { verbose: 0, ..verbosity });
+    let threads = arguments.threads.map(usize::from);
+    let inspected = render::inspect(&mut scene, pixel, threads, &reporter)?;
+    if verbosity.verbose > 0 {
+        let text = serde_json::to_string_pretty(&inspected).map_err(|e| Failure::Bug(e.to_string()))?;
+        return print(format!("{text}\n").as_bytes());
+    }
+    print(pixel::text(&inspected).as_bytes())
 }
 
 /// What `--stats` writes of one frame.

@@ -46,8 +46,11 @@ pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf], effects: bool)
             "warning: {} shading points gave values that are not finite and were replaced by their neighbours' mean:",
             s.non_finite
         ));
-        lines
-            .extend(s.non_finite_examples.iter().map(|n| format!("  pixel {},{}: {}", n.pixel[0], n.pixel[1], n.what)));
+        lines.extend(s.non_finite_examples.iter().map(|n| {
+            let sample = n.sample.map_or_else(String::new, |sample| format!(" point {sample},"));
+            format!("  pixel {},{}:{sample} {}", n.pixel[0], n.pixel[1], n.what)
+        }));
+        lines.push("  tress render --pixel x,y shows all that makes up such a pixel".to_owned());
     }
     lines.extend(outputs.iter().map(|path| format!("wrote {}", path.display())));
     lines

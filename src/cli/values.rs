@@ -64,6 +64,14 @@ pub fn crop(text: &str) -> Result<Crop, String> {
     Ok(crop)
 }
 
+/// A pixel's column and row: `120,80`.
+pub(crate) fn pixel(text: &str) -> Result<[u32; 2], String> {
+    let form =
+        || format!("\"{}\" is not a pixel; write its column and row from the upper left, as in 120,80", clip(text));
+    let (x, y) = text.split_once(',').ok_or_else(form)?;
+    Ok([whole(x.trim()).ok_or_else(form)?, whole(y.trim()).ok_or_else(form)?])
+}
+
 impl fmt::Display for Crop {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{},{},{},{}", self.x0, self.y0, self.x1, self.y1)
@@ -248,6 +256,14 @@ mod tests {
         }
         assert!(crop("5,0,5,9").unwrap_err().contains("empty"));
         assert!(crop("0,9,5,1").unwrap_err().contains("empty"));
+    }
+
+    #[test]
+    fn pixels() {
+        assert_eq!(pixel("12, 3"), Ok([12, 3]));
+        for text in ["", "1", "1,", "1,2,3", "-1,2", "1.5,2"] {
+            assert!(pixel(text).unwrap_err().contains("as in 120,80"), "{text}");
+        }
     }
 
     #[test]

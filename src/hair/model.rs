@@ -25,9 +25,9 @@ pub struct HairModel {
     pub object: Vec<u16>,
 }
 
-/// Shorter segments, in render space, count as points: squares of their squares would be lost in single precision. Only a point far
+/// Segments up to this length, in render units, count as points: fourth powers of shorter ones leave the normal numbers of `f32`. Only a point far
 /// away from all other hair, which makes that small, leads to such.
-const SHORTEST: f64 = 1e-9;
+pub const SHORTEST: f64 = 1e-9;
 
 impl HairModel {
     /// Adds the strands of one hair object. Segments of next to no length are left out: they cover nothing and have no direction.

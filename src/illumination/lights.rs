@@ -2,6 +2,9 @@
 
 use glam::Vec3;
 
+/// Squared distance, in render units, up to which a point lies at a light: below it squares lose their digits.
+const AT_THE_LIGHT: f32 = 1e-30;
+
 /// A light without extent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DirectLight {
@@ -29,11 +32,13 @@ impl DirectLight {
             Self::Point { position: light, intensity } => {
                 let to_light = light - position;
                 let distance2 = to_light.length_squared();
-                if distance2 <= f32::MIN_POSITIVE {
+                if distance2 <= AT_THE_LIGHT {
                     return None;
                 }
                 let distance = distance2.sqrt();
-                Some(Incident { toward: to_light / distance, distance, irradiance: intensity / distance2 })
+                // The largest number in place of infinity, which times a dark colour would be none.
+                let irradiance = (intensity / distance2).min(Vec3::splat(f32::MAX));
+                Some(Incident { toward: to_light / distance, distance, irradiance })
             }
             Self::Directional { toward, irradiance } => Some(Incident { toward, distance: f32::INFINITY, irradiance }),
         }
@@ -75,6 +80,9 @@ impl RectLight {
     pub fn sample(&self, position: Vec3, u: f32, v: f32) -> Option<(Incident, f32)> {
         let to_light = self.corner + self.edge_u * u + self.edge_v * v - position;
         let distance2 = to_light.length_squared();
+        if distance2 <= AT_THE_LIGHT {
+            return None;
+        }
         let distance = distance2.sqrt();
         let toward = to_light / distance;
         let cosine = -toward.dot(self.normal);

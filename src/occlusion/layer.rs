@@ -18,7 +18,9 @@ impl Transmittance {
     pub fn opacity(self, transparency: f32, length: f32) -> f32 {
         match self {
             Self::Crossing => 1.0 - transparency,
-            Self::SegmentLength { unit } => 1.0 - transparency.powf(length / unit),
+            // 1 - t^x as -(e^(x ln t) - 1): of a short length 1 - t^x would leave no digit. A length of 0 hides nothing, even with t = 0.
+            Self::SegmentLength { .. } if length <= 0.0 => 0.0,
+            Self::SegmentLength { unit } => -(length / unit * transparency.ln()).exp_m1(),
         }
     }
 }

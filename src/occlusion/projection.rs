@@ -309,6 +309,7 @@ impl Slice {
         let r1 = (self.h2 + from * from).sqrt();
         let r2 = (self.h2 + to * to).sqrt();
         if from * to > 0.0 {
+            // As two ratios: the product of four lengths leaves the normal numbers where lengths are 1e-9.
             self.h2 / (r1 * r2) * ((to - from) * (to + from) / (to * r1 + from * r2))
         } else {
             to / r2 - from / r1

@@ -26,7 +26,7 @@ pub struct Pixel {
 }
 
 impl Pixel {
-    fn is_finite(&self) -> bool {
+    pub(super) fn is_finite(&self) -> bool {
         let vectors = [self.beauty, self.direct, self.environment, self.unoccluded, self.normal, self.tangent];
         vectors.iter().all(|v| v.is_finite()) && [self.alpha, self.occlusion, self.depth].iter().all(|v| v.is_finite())
     }

@@ -265,7 +265,7 @@ impl<'s> Lighting<'s> {
     }
 
     /// Whether any light comes from all around.
-    fn arrives(&self) -> bool {
+    pub(super) fn arrives(&self) -> bool {
         self.effects.environment || self.effects.area_lights || self.effects.reflection
     }
 

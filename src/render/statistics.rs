@@ -13,6 +13,8 @@ use crate::effects::Effect;
 pub struct NonFinite {
     /// Column and row of the pixel.
     pub pixel: [u32; 2],
+    /// Which of the pixel's shading points, as `--pixel` numbers them; none where they are sound and their sum is not.
+    pub sample: Option<u32>,
     /// What was shaded there.
     pub what: String,
 }

@@ -46,22 +46,22 @@ pub(super) struct Frame<'a> {
 #[derive(Default)]
 pub(super) struct TileSpace {
     fragments: Vec<(u32, HairFragment)>,
-    hair: Vec<HairFragment>,
-    surfaces: SurfacePixel,
+    pub(super) hair: Vec<HairFragment>,
+    pub(super) surfaces: SurfacePixel,
     met: Vec<SurfacePoint>,
-    layers: PixelLayers,
+    pub(super) layers: PixelLayers,
     shaded: Vec<Shaded>,
-    points: Vec<Point>,
+    pub(super) points: Vec<Point>,
     order: Vec<(u32, u32)>,
-    workspace: Workspace,
+    pub(super) workspace: Workspace,
 }
 
 /// A point to be shaded, and what it counts in its pixel.
 pub(super) struct Point {
     /// Index of the pixel in the tile.
     pub pixel: u32,
-    weight: f32,
-    depth: f32,
+    pub weight: f32,
+    pub depth: f32,
     pub what: What,
 }
 
@@ -240,7 +240,7 @@ impl<'a> Frame<'a> {
     }
 
     /// t of Eq. 7: one crossing's transmittance, or the power law of the length that is visible in the pixel.
-    fn transparency(&self, fragment: &HairFragment) -> f32 {
+    pub fn transparency(&self, fragment: &HairFragment) -> f32 {
         let segment = fragment.segment as usize;
         let [a, b] = self.scene.hair.ends(segment);
         1.0 - self.rule.opacity(self.scene.hair.transparency[segment], fragment.span * a.distance(b))
@@ -255,7 +255,7 @@ impl<'a> Frame<'a> {
         }
     }
 
-    fn light(&self, rect: &PixelRect, point: &Point, space: &mut Workspace) -> Lit {
+    pub fn light(&self, rect: &PixelRect, point: &Point, space: &mut Workspace) -> Lit {
         let key = self.key(rect, point);
         let position = point.position();
         let view = (self.camera().position().as_vec3() - position).normalize_or(Vec3::Z);
@@ -271,13 +271,17 @@ impl<'a> Frame<'a> {
     /// Adds the points up in their own order, whatever the order in which they were lit.
     fn sum_up(&self, rect: &PixelRect, points: &[Point], lit: &[Lit], tile: &mut Tile) {
         let mut seen = vec![0.0_f32; tile.pixels.len()];
+        let (mut pixel, mut sample) = (u32::MAX, 0);
         for (point, lit) in points.iter().zip(lit) {
+            sample = if point.pixel == pixel { sample + 1 } else { 0 };
+            pixel = point.pixel;
             match point.what {
                 What::Hair { .. } => tile.hair_points += 1,
                 What::Surface(_) => tile.surface_points += 1,
             }
             if !lit.is_finite() {
-                tile.non_finite.push(NonFinite { pixel: point.place(rect), what: point.name() });
+                let what = point.name();
+                tile.non_finite.push(NonFinite { pixel: point.place(rect), sample: Some(sample), what });
                 continue;
             }
             let pixel = &mut tile.pixels[point.pixel as usize];
@@ -302,6 +306,12 @@ impl<'a> Frame<'a> {
             pixel.normal = pixel.normal.normalize_or_zero();
             pixel.tangent = pixel.tangent.normalize_or_zero();
         }
+        // Sound points may add up to what is not: that is no less to be told.
+        let width = rect.max[0] - rect.min[0];
+        for (index, _) in tile.pixels.iter().enumerate().filter(|(_, pixel)| !pixel.is_finite()) {
+            let pixel = [rect.min[0] + index as u32 % width, rect.min[1] + index as u32 / width];
+            tile.non_finite.push(NonFinite { pixel, sample: None, what: "the sum of its points".to_owned() });
+        }
     }
 }
 
@@ -325,7 +335,7 @@ impl Tile {
 }
 
 impl Point {
-    fn position(&self) -> Vec3 {
+    pub fn position(&self) -> Vec3 {
         match &self.what {
             What::Hair { sample, .. } => sample.position,
             What::Surface(hit) => hit.position,
@@ -338,7 +348,7 @@ impl Point {
         [rect.min[0] + self.pixel % width, rect.min[1] + self.pixel / width]
     }
 
-    fn name(&self) -> String {
+    pub fn name(&self) -> String {
         match &self.what {
             What::Hair { segment, sample } => format!("strand {}, segment {segment}", sample.on.strand),
             What::Surface(hit) => format!("triangle {}", hit.triangle),
@@ -347,7 +357,7 @@ impl Point {
 }
 
 impl Lit {
-    fn is_finite(&self) -> bool {
+    pub(super) fn is_finite(&self) -> bool {
         let vectors = [self.direct, self.environment, self.unoccluded, self.emission];
         vectors.iter().all(|v| v.is_finite()) && self.occlusion.is_finite()
     }
