@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use crate::scene::Scene;
 use crate::scene::description::{IndirectMode, Layer, OcclusionMode};
+use crate::scene::{HairShading, Scene};
 
 /// One effect, and why it is on or off.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -40,8 +40,12 @@ pub struct Effects {
     pub calibration: bool,
     /// Rays through hair for anything: a curve BVH.
     pub hair_rays: bool,
-    /// Hair has a highlight.
+    /// Hair reflects by Kajiya and Kay.
+    pub kajiya_kay: bool,
+    /// Such hair has a highlight.
     pub highlight: bool,
+    /// Hair reflects as a fibre does: tables of its lobes.
+    pub marschner: bool,
     /// Light without hair occlusion is wanted as a layer of its own.
     pub unoccluded_layer: bool,
 }
@@ -65,6 +69,8 @@ impl Effects {
         let occluded = hair && incident && mode != OcclusionMode::None;
         let raytraced_occlusion = occluded && mode != OcclusionMode::Igloo;
         let calibration = occluded && description.occlusion.wants_calibration();
+        let shaded =
+            |wanted: fn(&HairShading) -> bool| hair && scene.hair_objects.iter().any(|object| wanted(&object.shading));
         Self {
             hair,
             surfaces,
@@ -82,7 +88,11 @@ impl Effects {
                     || calibration
                     || direct_lights
                     || (reflection || area_lights || small_sources) && mode != OcclusionMode::None),
-            highlight: hair && scene.hair_objects.iter().any(|object| object.specular != glam::Vec3::ZERO),
+            kajiya_kay: shaded(|shading| matches!(shading, HairShading::KajiyaKay { .. })),
+            highlight: shaded(
+                |shading| matches!(shading, HairShading::KajiyaKay { specular, .. } if *specular != glam::Vec3::ZERO),
+            ),
+            marschner: shaded(|shading| matches!(shading, HairShading::Marschner { .. })),
             unoccluded_layer: description.output.layers.contains(&Layer::EnvironmentUnoccluded),
         }
     }
@@ -147,7 +157,24 @@ impl Effects {
                 "lights, reflecting surfaces, ray-traced occlusion or its accuracy need them",
                 "nothing needs them",
             ),
-            say("highlight", self.highlight, "hair has a specular colour", "no hair has a specular colour"),
+            say(
+                "scattering by Kajiya and Kay",
+                self.kajiya_kay,
+                "hair has shading = \"kajiya-kay\", the default",
+                "no hair has shading = \"kajiya-kay\"",
+            ),
+            say(
+                "highlight",
+                self.highlight,
+                "hair has a specular colour",
+                "no hair of shading = \"kajiya-kay\" has a specular colour",
+            ),
+            say(
+                "scattering by Marschner",
+                self.marschner,
+                "hair has shading = \"marschner\": light that it reflects and refracts as a fibre",
+                "no hair has shading = \"marschner\"",
+            ),
             say(
                 "unoccluded layer",
                 self.unoccluded_layer,

@@ -15,8 +15,8 @@ use crate::hash::{hash, to_unit};
 use crate::illumination::lights::Incident;
 use crate::illumination::{Environment, Illumination, photon};
 use crate::occlusion::{Crossings, HairRays, Igloo, Receiver, Span, frame_around, raytraced};
-use crate::scene::Scene;
-use crate::shading::{Highlight, KajiyaKay, Lambert};
+use crate::scene::{HairShading, Scene};
+use crate::shading::{Faces, Fibre, KajiyaKayFibre, Lambert, Marschner, StrandPoint, marschner};
 use crate::surface::SurfacePoint;
 
 /// Purpose of the random numbers that place a ray in its face.
@@ -92,8 +92,8 @@ pub struct Lighting<'s> {
     hemisphere: Igloo,
     /// Mean cosine over each of its faces.
     cosines: Vec<f32>,
-    /// For each hair object its highlight as it is, and as seen through the igloo's faces.
-    highlights: Vec<[Highlight; 2]>,
+    /// How each hair object reflects.
+    fibres: Vec<Box<dyn Fibre>>,
 }
 
 /// Buffers that one thread keeps from point to point.
@@ -103,6 +103,8 @@ pub struct Workspace {
     gamma: Vec<f32>,
     hits: Vec<Option<SurfacePoint>>,
     directions: Vec<Vec3>,
+    /// F of each face, of a point on hair.
+    reflected: Vec<Vec3>,
     means: Vec<Vec3>,
     /// The normal around which `means` was computed.
     means_normal: Vec3,
@@ -134,9 +136,7 @@ impl<'s> Lighting<'s> {
             0.5 * (ring.top + ring.bottom)
         };
         let cosines = (0..hemisphere.len()).map(cosine).collect();
-        let width = sphere.face_width();
-        let highlight = |exponent| [Highlight::new(exponent), Highlight::over_faces(exponent, width)];
-        let highlights = scene.hair_objects.iter().map(|object| highlight(object.exponent)).collect();
+        let fibres = scene.hair_objects.iter().map(|object| fibre(&object.shading, sphere.face_width())).collect();
         Ok(Self {
             effects,
             light,
@@ -150,7 +150,7 @@ impl<'s> Lighting<'s> {
             centers,
             hemisphere,
             cosines,
-            highlights,
+            fibres,
             scene,
         })
     }
@@ -167,21 +167,24 @@ impl<'s> Lighting<'s> {
 
     /// Light from a point on hair towards the unit direction `view`. `key` names its random numbers.
     pub fn hair(&self, sample: &StrandSample, object: u16, view: Vec3, key: u32, space: &mut Workspace) -> Lit {
-        let [narrow, broad] = &self.highlights[usize::from(object)];
-        let specular = self.scene.hair_objects[usize::from(object)].specular;
-        let over_faces = KajiyaKay::new(sample.tangent, view, sample.color, specular, broad);
-        let in_directions = over_faces.with_highlight(narrow);
+        let fibre = self.fibres[usize::from(object)].as_ref();
+        let point = StrandPoint { tangent: sample.tangent, view, color: sample.color };
         let receiver = on_hair(sample);
         let mut lit = Lit { occlusion: 1.0, ..Lit::default() };
+        let in_direction = |direction| fibre.reflect(&point, direction);
         if self.arrives() && self.scene.hair_objects[usize::from(object)].gather {
             self.look(&receiver, &self.sphere, key, space);
             self.occlude(&receiver, &self.sphere, key, space);
+            let begin = Instant::now();
+            let faces = Faces { centers: &self.centers, solid_angle: self.sphere.face_solid_angle() };
+            fibre.reflect_faces(&point, &faces, &mut space.reflected);
+            space.clock.lambda += begin.elapsed();
             let means = self.light.means();
-            let reflect = |face: usize| over_faces.evaluate(self.centers[face]);
-            self.sum_faces(&self.sphere, means, key, &space.hits, &space.gamma, &mut space.clock, reflect, &mut lit);
-            self.area(&receiver, key, space, |direction| in_directions.evaluate(direction), &mut lit);
+            let Workspace { reflected, hits, gamma, clock, .. } = space;
+            self.sum_faces(&self.sphere, means, key, hits, gamma, clock, |face| reflected[face], &mut lit);
+            self.area(&receiver, key, space, in_direction, &mut lit);
         }
-        self.direct(sample.position, Some(sample.on), space, |direction| in_directions.evaluate(direction), &mut lit);
+        self.direct(sample.position, Some(sample.on), space, in_direction, &mut lit);
         lit
     }
 
@@ -430,6 +433,17 @@ impl<'s> Lighting<'s> {
         self.hair_rays.as_ref().map_or(1.0, |hair| {
             hair.transmittance(&self.scene.hair, &raytraced::Ray { origin, direction, far, on }, self.residual)
         })
+    }
+}
+
+/// The model of reflection that a hair object asks for.
+fn fibre(shading: &HairShading, face_width: f32) -> Box<dyn Fibre> {
+    match *shading {
+        HairShading::KajiyaKay { specular, exponent } => Box::new(KajiyaKayFibre::new(specular, exponent, face_width)),
+        HairShading::Marschner { roughness: [longitudinal, azimuthal], tilt, ior } => {
+            let parameters = marschner::Parameters { longitudinal, azimuthal, tilt, ior };
+            Box::new(Marschner::new(parameters, face_width))
+        }
     }
 }
 

@@ -126,20 +126,34 @@ pub struct Hair {
     pub width: Option<f64>,
     /// Whether a file's thickness is a strand's diameter or its radius. HAIR files do not say: diameter unless given. Text files hold radii by definition.
     pub thickness_is: Option<ThicknessIs>,
-    /// Transmittance of one crossing of a strand, 0 opaque to 1 invisible; replaces what the file says.
+    /// Transmittance of one crossing of a strand, 0 opaque to 1 invisible; replaces what the file says. It is what other strands let through to a point, straight on; with `marschner` its like is the share of the light that goes through a strand, some 0.7 for blond hair and 0.2 for black.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub transparency: Option<f64>,
-    /// Diffuse reflectance, 0 to 1, linear Rec.709; replaces what the file says.
+    /// Diffuse reflectance, 0 to 1, linear Rec.709; replaces what the file says. With `marschner` the albedo of dense hair after all scattering, from which the absorption in a strand is found.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub color: Option<Triple>,
-    /// Albedo of the highlight: the share of the incident light that it reflects, 0 to 1, linear Rec.709.
+    /// How a strand reflects.
+    pub shading: Shading,
+    /// For `kajiya-kay`: albedo of the highlight: the share of the incident light that it reflects, 0 to 1, linear Rec.709.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub specular: Triple,
-    /// Sharpness of the highlight: the exponent of Kajiya and Kay, without unit.
+    /// For `kajiya-kay`: sharpness of the highlight: the exponent of Kajiya and Kay, without unit.
     #[schemars(range(min = 1.0, max = 10000.0))]
     pub exponent: f64,
     /// Whether light from all around reaches it: environment, area lights and surfaces. If not, point and directional lights alone light it, as in renderers without global illumination.
     pub gather: bool,
+    /// For `marschner`: longitudinal roughness β_m, along the strand, 0 smooth to 1 rough.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub roughness: f64,
+    /// For `marschner`: azimuthal roughness β_n, around the strand, 0 smooth to 1 rough.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub azimuthal_roughness: f64,
+    /// For `marschner`: tilt of the cuticle's scales, in degrees; positive where they open towards the tip.
+    #[schemars(range(min = -20.0, max = 20.0))]
+    pub cuticle_tilt: f64,
+    /// For `marschner`: index of refraction.
+    #[schemars(range(min = 1.05, max = 3.0))]
+    pub ior: f64,
 }
 
 impl Default for Hair {
@@ -154,11 +168,27 @@ impl Default for Hair {
             thickness_is: None,
             transparency: None,
             color: None,
+            shading: Shading::KajiyaKay,
             specular: [0.1; 3],
             exponent: 60.0,
             gather: true,
+            roughness: 0.3,
+            azimuthal_roughness: 0.3,
+            cuticle_tilt: 2.0,
+            ior: 1.55,
         }
     }
+}
+
+/// How a strand reflects light.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Shading {
+    /// A diffuse term and a highlight (Kajiya and Kay 1989), as in the paper.
+    #[default]
+    KajiyaKay,
+    /// Reflection and refraction in a rough, coloured fibre (Marschner et al. 2003, d'Eon et al. 2011, Chiang et al. 2016).
+    Marschner,
 }
 
 /// The kind of a hair file.
@@ -260,7 +290,7 @@ impl Default for Grow {
     }
 }
 
-/// One opaque surface. Exactly one of `file`, `sphere` and `plane` is needed.
+/// One opaque surface. Exactly one of `file`, `sphere`, `plane` and `teapot` is needed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Surface {
@@ -272,12 +302,14 @@ pub struct Surface {
     pub sphere: Option<Sphere>,
     /// Instead of a file: a rectangle.
     pub plane: Option<Plane>,
+    /// Instead of a file: Newell's teapot.
+    pub teapot: Option<Teapot>,
     /// Where the surface is put.
     pub transform: Transform,
     /// Diffuse reflectance, 0 to 1, linear Rec.709; replaces what the file says. 0.5 where nothing says.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub color: Option<Triple>,
-    /// Whether normals are interpolated over the triangles (where the mesh has them; spheres do).
+    /// Whether normals are interpolated over the triangles (where the mesh has them; spheres and teapots do).
     pub smooth: bool,
     /// Whether it is in the picture and blocks light. A surface that is not serves only for hair to grow on.
     pub visible: bool,
@@ -290,6 +322,7 @@ impl Default for Surface {
             file: None,
             sphere: None,
             plane: None,
+            teapot: None,
             transform: Transform::default(),
             color: None,
             smooth: true,
@@ -334,6 +367,24 @@ pub struct Plane {
 impl Default for Plane {
     fn default() -> Self {
         Self { center: [0.0; 3], normal: None, size: [10.0, 10.0] }
+    }
+}
+
+/// Newell's teapot of 1975, tessellated to within a thousandth of its size. Its lid is towards the scene's up axis, its spout along x (along y in a scene with x up). It is open between rim and lid and at the ends of spout and handle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Teapot {
+    /// The middle of its bounding box, in scene units.
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
+    pub center: Triple,
+    /// Its length from handle to spout, in scene units; it is half as high and two thirds as deep.
+    #[schemars(range(min = 1e-9, max = 1e9))]
+    pub size: f64,
+}
+
+impl Default for Teapot {
+    fn default() -> Self {
+        Self { center: [0.0; 3], size: 2.0 }
     }
 }
 

@@ -13,7 +13,7 @@ use super::{Document, Place};
 use crate::camera::Camera;
 use crate::hair::{HairModel, Strands, formats, grow};
 use crate::illumination::{DirectLight, Radiance, RectLight, Sources, environment::map_axes};
-use crate::surface::{Mesh, SurfaceModel, obj, primitives};
+use crate::surface::{Mesh, SurfaceModel, obj, primitives, teapot};
 use crate::transform;
 
 /// A scene, ready to be rendered. Lengths and positions are in render space.
@@ -42,12 +42,33 @@ pub struct Scene {
 #[derive(Clone, Debug, PartialEq)]
 pub struct HairObject {
     pub name: String,
-    /// Albedo of the highlight.
-    pub specular: Vec3,
-    /// Its exponent.
-    pub exponent: f32,
+    pub shading: HairShading,
     /// Whether light from all around reaches it.
     pub gather: bool,
+}
+
+/// How the strands of a hair object reflect; for the model and its numbers see the scene file's keys.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum HairShading {
+    /// The highlight's albedo and exponent.
+    KajiyaKay { specular: Vec3, exponent: f32 },
+    /// Roughness along and around the strand, the tilt of its scales in degrees, and its index of refraction.
+    Marschner { roughness: [f32; 2], tilt: f32, ior: f32 },
+}
+
+impl HairShading {
+    fn of(hair: &description::Hair) -> Self {
+        match hair.shading {
+            description::Shading::KajiyaKay => {
+                Self::KajiyaKay { specular: vec3(hair.specular), exponent: hair.exponent as f32 }
+            }
+            description::Shading::Marschner => Self::Marschner {
+                roughness: [hair.roughness as f32, hair.azimuthal_roughness as f32],
+                tilt: hair.cuticle_tilt as f32,
+                ior: hair.ior as f32,
+            },
+        }
+    }
 }
 
 /// Something that the scene file names cannot be used.
@@ -187,8 +208,11 @@ impl Loader<'_> {
             let normal = plane.normal.map_or(up_axis(self.description().up), DVec3::from);
             map *= DAffine3::from_translation(DVec3::from(plane.center));
             primitives::plane(DVec3::ZERO, normal, plane.size)
+        } else if let Some(pot) = &surface.teapot {
+            map *= DAffine3::from_translation(DVec3::from(pot.center));
+            teapot::teapot(DVec3::ZERO, pot.size, up_axis(self.description().up))
         } else {
-            return Err(self.error(&key, "it has none of file, sphere and plane; give one"));
+            return Err(self.error(&key, "it has none of file, sphere, plane and teapot; give one"));
         };
         if let Some(color) = surface.color {
             for material in &mut mesh.materials {
@@ -329,8 +353,7 @@ impl Loader<'_> {
         let degenerate = model.add(strands, objects.len() as u16);
         objects.push(HairObject {
             name: name.clone(),
-            specular: vec3(description.specular),
-            exponent: description.exponent as f32,
+            shading: HairShading::of(description),
             gather: description.gather,
         });
         if degenerate > 0 {

@@ -18,6 +18,6 @@ mod tests;
 mod validate;
 
 pub use document::{Document, Problem, Problems, SceneError, load};
-pub use loaded::{AssetError, GrownHair, HairObject, Scene};
+pub use loaded::{AssetError, GrownHair, HairObject, HairShading, Scene};
 pub use schema::schema;
 pub use spans::Place;

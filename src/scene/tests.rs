@@ -236,6 +236,28 @@ fn all_faults_are_reported_in_order_and_their_number_is_capped() {
 }
 
 #[test]
+fn keys_of_the_other_model_of_reflection_are_refused() {
+    let with =
+        |keys: &str| format!("[[hair]]\ngrow = {{ on = 'head' }}\n{keys}\n[[surface]]\nname = 'head'\nteapot = {{}}");
+    for key in ["roughness = 0.3", "azimuthal_roughness = 0.3", "cuticle_tilt = 3", "ior = 1.5"] {
+        let name = key.split(' ').next().expect("a name");
+        for given in [key.to_owned(), format!("shading = 'kajiya-kay'\n{key}")] {
+            let error = fault(&with(&given));
+            let expected = format!(
+                "hair[0].{name} belongs to shading = \"marschner\", but this hair's shading is \"kajiya-kay\"; leave it out or set shading"
+            );
+            assert!(error.contains(&expected), "{error}");
+        }
+        read(&with(&format!("shading = 'marschner'\n{key}")), Format::Toml, &[]).expect("sound");
+    }
+    for key in ["specular = [0, 0, 0]", "exponent = 20"] {
+        let error = fault(&with(&format!("shading = 'marschner'\n{key}")));
+        assert!(error.contains("belongs to shading = \"kajiya-kay\""), "{error}");
+        read(&with(key), Format::Toml, &[]).expect("sound");
+    }
+}
+
+#[test]
 fn senseless_scenes_are_refused() {
     let with = |text: &str| format!("{text}\n[[surface]]\nname = \"head\"\nsphere = {{}}");
     for (text, expected) in [
@@ -293,6 +315,10 @@ fn senseless_scenes_are_refused() {
         (
             "[[surface]]\nname = 'a'\nsphere = {}\n[[surface]]\nname = 'a'\nsphere = {}",
             "scene.toml:5:8: surface[1].name: surface[0] is already called \"a\"",
+        ),
+        (
+            "[[surface]]\nteapot = {}\nplane = {}",
+            "scene.toml:3:9: surface[0] has plane and teapot: they exclude each other, keep one",
         ),
         (
             "output.layers = []",

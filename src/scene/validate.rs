@@ -188,6 +188,7 @@ impl Validator<'_> {
                 ("file", surface.file.is_some()),
                 ("sphere", surface.sphere.is_some()),
                 ("plane", surface.plane.is_some()),
+                ("teapot", surface.teapot.is_some()),
             ];
             self.one_of(&path, &forms, false);
             self.file(&path.key("file"), &surface.file);
@@ -213,9 +214,26 @@ impl Validator<'_> {
             self.one_of(&path, &[("file", hair.file.is_some()), ("grow", hair.grow.is_some())], false);
             self.file(&path.key("file"), &hair.file);
             self.transform(&path, &hair.transform);
+            self.shading(&path, hair.shading);
             if let Some(grow) = &hair.grow {
                 self.no_effect(&path, &["format", "thickness_is"], "on hair that is grown, not read from a file");
                 self.grow(&path.key("grow"), grow, &names);
+            }
+        }
+    }
+
+    /// Keys of the model of reflection that was not chosen.
+    fn shading(&mut self, path: &KeyPath, shading: Shading) {
+        let (chosen, other, keys): (_, _, &[&str]) = match shading {
+            Shading::KajiyaKay => {
+                ("kajiya-kay", "marschner", &["roughness", "azimuthal_roughness", "cuticle_tilt", "ior"])
+            }
+            Shading::Marschner => ("marschner", "kajiya-kay", &["specular", "exponent"]),
+        };
+        for key in keys.iter().map(|key| path.key(key)) {
+            if self.spans.given(&key) {
+                let what = format!("{key} belongs to shading = \"{other}\", but this hair's shading is \"{chosen}\"");
+                self.error(&key, format!("{what}; leave it out or set shading"));
             }
         }
     }

@@ -8,6 +8,9 @@ use std::f32::consts::PI;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::Vec3;
+use statrs::function::gamma::ln_gamma;
+
+use super::fibre::{Faces, Fibre, Sampled, StrandPoint};
 
 /// The highlight's shape for one exponent.
 #[derive(Clone, Debug)]
@@ -123,6 +126,89 @@ impl<'a> KajiyaKay<'a> {
     }
 }
 
+/// Hair that reflects by Kajiya and Kay. A point's colour is its diffuse reflectance.
+#[derive(Clone, Debug)]
+pub struct KajiyaKayFibre {
+    specular: Vec3,
+    narrow: Highlight,
+    /// As seen through the igloo's faces.
+    broad: Highlight,
+    /// ∫ cos^p δ dδ over [-π/2, π/2].
+    lobe: f32,
+}
+
+impl KajiyaKayFibre {
+    /// Such hair with a highlight of this albedo and exponent, seen through faces of this width in radians.
+    pub fn new(specular: Vec3, exponent: f32, face_width: f32) -> Self {
+        let (narrow, broad) = (Highlight::new(exponent), Highlight::over_faces(exponent, face_width));
+        let p = f64::from(narrow.exponent);
+        // √π Γ((p + 1)/2) / Γ(p/2 + 1)
+        let ln_lobe = ln_gamma(0.5 * (p + 1.0)) - ln_gamma(0.5 * p + 1.0);
+        let lobe = (std::f64::consts::PI.sqrt() * ln_lobe.exp()) as f32;
+        Self { specular, narrow, broad, lobe }
+    }
+
+    fn at<'a>(&'a self, at: &StrandPoint, highlight: &'a Highlight) -> KajiyaKay<'a> {
+        KajiyaKay::new(at.tangent, at.view, at.color, self.specular, highlight)
+    }
+
+    /// The chance that a sample is one of the diffuse term; none where nothing is reflected.
+    fn diffuse_share(&self, at: &StrandPoint) -> Option<f32> {
+        let [diffuse, specular] = [at.color, self.specular].map(|color| color.element_sum());
+        let share = diffuse / (diffuse + specular);
+        share.is_finite().then_some(share)
+    }
+
+    /// Density of the highlight's angle `theta` to the tangent, per radian, for a lobe around `peak`: what leaves [0, π] is folded back.
+    fn lobe_density(&self, theta: f32, peak: f32) -> f32 {
+        let lobe = |angle: f32| (angle - peak).cos().max(0.0).powf(self.narrow.exponent);
+        let near = |angle: f32| if (angle - peak).abs() < PI / 2.0 { lobe(angle) } else { 0.0 };
+        (near(theta) + near(-theta) + near(2.0 * PI - theta)) / self.lobe
+    }
+}
+
+impl Fibre for KajiyaKayFibre {
+    fn reflect(&self, at: &StrandPoint, incoming: Vec3) -> Vec3 {
+        self.at(at, &self.narrow).evaluate(incoming)
+    }
+
+    fn reflect_faces(&self, at: &StrandPoint, faces: &Faces, reflected: &mut Vec<Vec3>) {
+        let point = self.at(at, &self.broad);
+        reflected.clear();
+        reflected.extend(faces.centers.iter().map(|&center| point.evaluate(center)));
+    }
+
+    fn sample(&self, at: &StrandPoint, random: [f32; 4]) -> Option<Sampled> {
+        let diffuse = random[0] < self.diffuse_share(at)?;
+        // The first coordinate of a uniform point on the sphere of p + 2 dimensions (Ulrich 1984): density (1 - t²)^((p-1)/2).
+        let coordinate = |p: f32| (1.0 - random[1].powf(2.0 / p)).max(0.0).sqrt() * (2.0 * PI * random[2]).cos();
+        let cos = if diffuse {
+            // sin² θ dθ is √(1 - t²) dt in t = cos θ.
+            coordinate(2.0)
+        } else {
+            // cos^p δ dδ is (1 - t²)^((p-1)/2) dt in t = sin δ. The cosine folds what leaves [0, π].
+            let peak = PI - at.tangent.dot(at.view).clamp(-1.0, 1.0).acos();
+            (peak + coordinate(self.narrow.exponent).asin()).cos()
+        };
+        let sin = sine(cos.clamp(-1.0, 1.0));
+        let (y, x) = (2.0 * PI * random[3]).sin_cos();
+        let (across, aside) = at.tangent.any_orthonormal_pair();
+        let incoming = (at.tangent * cos + (across * x + aside * y) * sin).normalize();
+        let density = self.density(at, incoming);
+        (density > 0.0).then(|| Sampled { incoming, reflected: self.reflect(at, incoming), density })
+    }
+
+    fn density(&self, at: &StrandPoint, incoming: Vec3) -> f32 {
+        let Some(share) = self.diffuse_share(at) else { return 0.0 };
+        let cos = at.tangent.dot(incoming).clamp(-1.0, 1.0);
+        let sin = sine(cos);
+        let peak = PI - at.tangent.dot(at.view).clamp(-1.0, 1.0).acos();
+        // Per steradian: dω = sin θ dθ dφ. Along the tangent both F and the diffuse density vanish.
+        let specular = self.lobe_density(cos.acos(), peak) / (2.0 * PI * sin.max(1e-6));
+        share * sin / (PI * PI) + (1.0 - share) * specular
+    }
+}
+
 /// √(1 - c²) as √((1 - c)(1 + c)): no cancellation next to ±1.
 #[inline]
 fn sine(cosine: f32) -> f32 {
@@ -181,6 +267,23 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn samples_fall_as_they_should_and_find_the_albedo() {
+        use crate::shading::fibre::testing::*;
+        let (brown, gloss) = (Vec3::new(0.6, 0.3, 0.1), Vec3::new(0.1, 0.15, 0.2));
+        for (color, specular, exponent) in
+            [(brown, Vec3::ZERO, 60.0), (Vec3::ZERO, gloss, 20.0), (brown, gloss, 1.0), (brown, gloss, 60.0)]
+        {
+            let fibre = KajiyaKayFibre::new(specular, exponent, 0.3);
+            for angle in [0.0, 0.6, -1.2, 1.5] {
+                let at = seen(angle, color);
+                samples_follow_their_density(&fibre, &at);
+                samples_find_the_albedo(&fibre, &at, integral(600, 60, |incoming| fibre.reflect(&at, incoming)));
+            }
+        }
+        assert_eq!(KajiyaKayFibre::new(Vec3::ZERO, 60.0, 0.3).sample(&seen(0.1, Vec3::ZERO), [0.5; 4]), None);
     }
 
     #[test]

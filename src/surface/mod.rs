@@ -7,5 +7,6 @@ pub mod obj;
 mod polygon;
 pub mod primitives;
 mod screen;
+pub mod teapot;
 pub use mesh::{Material, Mesh};
 pub use model::{SurfaceModel, SurfacePoint, Surfaces};

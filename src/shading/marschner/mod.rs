@@ -1,0 +1,223 @@
+//! Light through a fibre: Marschner et al. 2003 with the lobes of d'Eon et al. 2011 and Chiang et al. 2016.
+//!
+//! The strand is a rough dielectric cylinder with a coloured inside, its scales tilted. Light leaves it by reflection (R), by
+//! going through (TT), by one reflection inside (TRT), and by more of them. F = S cos θ_i with
+//!
+//! S = g(θ_i) g(θ_o) Σ_p M_p(θ_i, θ_o) D_p(φ, θ_d),
+//!
+//! M along the strand (`longitudinal`), D around it, with attenuation and averaged over the width (`azimuthal`), g for
+//! energy and reciprocity (`balance`). θ is the inclination to the plane across the strand, positive towards the tip; φ the
+//! azimuth between the two directions. Angles in radians unless named in degrees.
+//!
+//! Roughnesses are those of Chiang et al., 0 smooth to 1 rough, and so is the absorption for a colour, which is the albedo of a
+//! volume of such hair after all scattering.
+
+mod azimuthal;
+mod balance;
+mod four;
+mod longitudinal;
+mod sample;
+
+use std::sync::OnceLock;
+
+use glam::Vec3;
+
+use self::azimuthal::{Azimuthal, pseudo_angle};
+use self::balance::Balance;
+use self::four::{dot, each, exp};
+use self::longitudinal::{Inclination, Longitudinal};
+use super::fibre::{Faces, Fibre, Sampled, StrandPoint};
+
+/// Standard deviations below which a lobe is not resolved, in radians: tables stay small and numbers finite.
+const SHARPEST: f64 = 0.003;
+/// The darkest colour that is told from black: beyond, nothing gets through.
+const BLACK: f32 = 1e-6;
+
+/// What a strand is like.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameters {
+    /// Roughness along the strand, 0 to 1.
+    pub longitudinal: f32,
+    /// Roughness around the strand, 0 to 1.
+    pub azimuthal: f32,
+    /// Tilt of the scales, in degrees; positive where they open towards the tip, as those of real hair do.
+    pub tilt: f32,
+    /// Index of refraction, above 1.
+    pub ior: f32,
+}
+
+/// Hair that reflects as a fibre does.
+#[derive(Debug)]
+pub struct Marschner {
+    parameters: Parameters,
+    face_width: f32,
+    /// As it is, for directions; made when first asked for.
+    narrow: OnceLock<Lobes>,
+    /// As seen through the igloo's faces.
+    broad: OnceLock<Lobes>,
+}
+
+/// The tables of one strand.
+#[derive(Debug)]
+struct Lobes {
+    longitudinal: Longitudinal,
+    azimuthal: Azimuthal,
+    balance: Balance,
+}
+
+/// A view of a point: its frame, and what does not depend on the light.
+struct View<'l> {
+    lobes: &'l Lobes,
+    /// Along the strand, across it towards the eye, and across both.
+    frame: [Vec3; 3],
+    sin: f32,
+    cos: f32,
+    turned: Inclination,
+    balance: f32,
+    /// Absorption a radius.
+    absorption: Vec3,
+}
+
+/// A direction of light in a view's frame.
+struct Incoming {
+    sin: f32,
+    cos: f32,
+    /// Pseudo-angle of φ.
+    turn: f32,
+    cos_d: f32,
+}
+
+impl Marschner {
+    /// Such hair, seen through faces of this width in radians.
+    pub fn new(parameters: Parameters, face_width: f32) -> Self {
+        Self { parameters, face_width, narrow: OnceLock::new(), broad: OnceLock::new() }
+    }
+
+    fn narrow(&self) -> &Lobes {
+        self.narrow.get_or_init(|| Lobes::new(&self.parameters, 0.0))
+    }
+
+    fn broad(&self) -> &Lobes {
+        self.broad.get_or_init(|| Lobes::new(&self.parameters, f64::from(self.face_width)))
+    }
+
+    fn view<'l>(&self, lobes: &'l Lobes, at: &StrandPoint) -> View<'l> {
+        View::new(lobes, at, absorption(at.color, self.parameters.azimuthal))
+    }
+
+    /// F of each face before it is made to keep the energy on these faces, and the energy that it has without absorption.
+    fn raw_faces(&self, at: &StrandPoint, faces: &Faces, reflected: &mut Vec<Vec3>) -> f32 {
+        let view = self.view(self.broad(), at);
+        reflected.clear();
+        let mut white = 0.0;
+        reflected.extend(faces.centers.iter().map(|&center| {
+            let [color, free] = view.evaluate(&view.incoming(center));
+            white += free.x;
+            color
+        }));
+        white * faces.solid_angle
+    }
+}
+
+impl Fibre for Marschner {
+    fn reflect(&self, at: &StrandPoint, incoming: Vec3) -> Vec3 {
+        let view = self.view(self.narrow(), at);
+        view.evaluate(&view.incoming(incoming))[0]
+    }
+
+    fn reflect_faces(&self, at: &StrandPoint, faces: &Faces, reflected: &mut Vec<Vec3>) {
+        let energy = self.raw_faces(at, faces, reflected);
+        // What absorbs nothing reflects all: the sum over the faces' middles is a quadrature of 1, and its error is known.
+        let scale = 1.0 / energy.clamp(0.02, 50.0);
+        reflected.iter_mut().for_each(|f| *f *= scale);
+    }
+
+    fn sample(&self, at: &StrandPoint, random: [f32; 4]) -> Option<Sampled> {
+        let view = self.view(self.narrow(), at);
+        let incoming = view.sample(random);
+        let density = view.density(&view.incoming(incoming));
+        let reflected = view.evaluate(&view.incoming(incoming))[0];
+        (density > 0.0).then_some(Sampled { incoming, reflected, density })
+    }
+
+    fn density(&self, at: &StrandPoint, incoming: Vec3) -> f32 {
+        let view = self.view(self.narrow(), at);
+        view.density(&view.incoming(incoming))
+    }
+}
+
+impl Lobes {
+    fn new(parameters: &Parameters, face_width: f64) -> Self {
+        // A face's variance along one axis: a square's.
+        let face = face_width * face_width / 12.0;
+        let rough = f64::from(parameters.longitudinal);
+        let deviation = 0.726 * rough + 0.812 * rough * rough + 3.7 * rough.powi(20);
+        // TT is half as wide as R, TRT and the rest twice.
+        let own = [1.0, 0.5, 2.0, 2.0].map(|factor| (factor * deviation).max(SHARPEST));
+        let variance = own.map(|own| own * own + face);
+        let tilt = f64::from(parameters.tilt).to_radians();
+        let longitudinal = Longitudinal::new(variance, [-2.0 * tilt, tilt, 4.0 * tilt, 0.0]);
+        let scale = logistic_scale(f64::from(parameters.azimuthal)).max(SHARPEST);
+        let azimuthal = Azimuthal::new(f64::from(parameters.ior), |cos| {
+            // At the inclination θ a face spans 1/cos θ as much azimuth. The logistic's variance is (π s)² / 3.
+            let face = face / (cos * cos).max(1e-4);
+            (scale * scale + 3.0 * face / (std::f64::consts::PI * std::f64::consts::PI)).sqrt()
+        });
+        let narrowest = variance.into_iter().fold(f64::INFINITY, f64::min).sqrt();
+        let balance = Balance::new(&longitudinal, &azimuthal, narrowest);
+        Self { longitudinal, azimuthal, balance }
+    }
+}
+
+/// Scale of the logistic distribution for an azimuthal roughness (Chiang et al. 2016, Eq. 8), in radians.
+fn logistic_scale(rough: f64) -> f64 {
+    (std::f64::consts::PI / 8.0).sqrt() * (0.265 * rough + 1.194 * rough * rough + 5.372 * rough.powi(22))
+}
+
+/// The absorption a radius for a colour (Chiang et al. 2016, Eq. 9).
+pub fn absorption(color: Vec3, azimuthal: f32) -> Vec3 {
+    let b = azimuthal;
+    let fit = 5.969 + b * (-0.215 + b * (2.532 + b * (-10.73 + b * (5.574 + b * 0.245))));
+    Vec3::from_array(color.to_array().map(|c| (c.clamp(BLACK, 1.0).ln() / fit).powi(2)))
+}
+
+impl<'l> View<'l> {
+    fn new(lobes: &'l Lobes, at: &StrandPoint, absorption: Vec3) -> Self {
+        let along = at.tangent;
+        let sin = along.dot(at.view).clamp(-1.0, 1.0);
+        let across = at.view - along * sin;
+        let cos = across.length();
+        // Seen end on, one side is as good as another.
+        let across = if cos > 1e-6 { across / cos } else { along.any_orthonormal_vector() };
+        let turned = lobes.longitudinal.turned(sin, cos);
+        let balance = lobes.balance.evaluate(sin, cos);
+        Self { lobes, frame: [along, across, along.cross(across)], sin, cos, turned, balance, absorption }
+    }
+
+    #[inline(always)]
+    fn incoming(&self, direction: Vec3) -> Incoming {
+        let [along, across, aside] = self.frame;
+        let sin = along.dot(direction).clamp(-1.0, 1.0);
+        let (x, y) = (across.dot(direction), aside.dot(direction));
+        let cos = (x * x + y * y).sqrt().min(1.0);
+        let cos_d = (0.5 * (1.0 + cos * self.cos + sin * self.sin)).max(0.0).sqrt();
+        Incoming { sin, cos, turn: pseudo_angle(x, y.abs()), cos_d }
+    }
+
+    /// F, and F without absorption.
+    #[inline(always)]
+    fn evaluate(&self, incoming: &Incoming) -> [Vec3; 2] {
+        let lobes = self.lobes;
+        let turned = lobes.longitudinal.turned(incoming.sin, incoming.cos);
+        let spread = lobes.longitudinal.evaluate(&turned, &self.turned);
+        let around = lobes.azimuthal.evaluate(incoming.cos_d, incoming.turn);
+        let scale = self.balance * lobes.balance.evaluate(incoming.sin, incoming.cos) * incoming.cos;
+        let white = each(|p| spread[p] * around.white[p] * scale);
+        let through = |sigma: f32| dot(&white, &each(|p| exp(-sigma * around.length[p])));
+        let [r, g, b] = self.absorption.to_array().map(through);
+        [Vec3::new(r, g, b), Vec3::splat(dot(&white, &[1.0; 4]))]
+    }
+}
+
+#[cfg(test)]
+mod tests;
