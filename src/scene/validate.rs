@@ -224,17 +224,17 @@ impl Validator<'_> {
 
     /// Keys of the model of reflection that was not chosen.
     fn shading(&mut self, path: &KeyPath, shading: Shading) {
-        let (chosen, other, keys): (_, _, &[&str]) = match shading {
-            Shading::KajiyaKay => {
-                ("kajiya-kay", "marschner", &["roughness", "azimuthal_roughness", "cuticle_tilt", "ior"])
-            }
-            Shading::Marschner => ("marschner", "kajiya-kay", &["specular", "exponent"]),
-        };
-        for key in keys.iter().map(|key| path.key(key)) {
-            if self.spans.given(&key) {
-                let what = format!("{key} belongs to shading = \"{other}\", but this hair's shading is \"{chosen}\"");
-                self.error(&key, format!("{what}; leave it out or set shading"));
-            }
+        match shading {
+            Shading::KajiyaKay => self.no_effect(
+                path,
+                &["roughness", "azimuthal_roughness", "cuticle_tilt", "ior"],
+                "on hair with shading = \"kajiya-kay\"; it belongs to \"marschner\"",
+            ),
+            Shading::Marschner => self.no_effect(
+                path,
+                &["specular", "exponent"],
+                "on hair with shading = \"marschner\"; it belongs to \"kajiya-kay\"",
+            ),
         }
     }
 
