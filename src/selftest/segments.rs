@@ -236,10 +236,12 @@ fn horizon(draw: &mut Draw) -> Measured {
     Measured { error: (upper + lower - whole).abs(), bound }
 }
 
-/// Lengths in any unit: by powers of two every operation scales exactly, so the bits are the same.
+/// Lengths in any unit: by powers of two every operation scales exactly, so the bits are the same, for segments that are longer than what counts
+/// as a point (1e-9) in both units.
 fn scaled(draw: &mut Draw) -> Measured {
     let igloo = Igloo::new(Span::Sphere, 100);
     let [a, b] = segment(draw);
+    let b = if a.distance(b) < 1e-8 { a + (b - a).normalize_or(Vec3::X) * a.length().max(1e-2) } else { b };
     let width = draw.scale(1e-6, 1.0) as f32;
     let factor = f32::powi(2.0, draw.pick(&[-3, -2, -1, 3, 10, 20]));
     let here = pieces(&igloo, a, b, [width, 0.5 * width]);
