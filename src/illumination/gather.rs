@@ -149,15 +149,23 @@ impl Illumination {
         self.photons = photons;
     }
 
+    /// The photons that [`Illumination::reflected`] counts.
+    pub fn photons(&self) -> Option<&PhotonMap> {
+        self.photons.as_ref()
+    }
+
     /// Radiance that a surface sends back along the ray that met it: by the photons, or where they would blur it from point and directional
-    /// lights, one sample of each area light and of one small bright source, one ray to the environment, and the photons of reflected light. Emission is not in it: area lights are sampled as lights.
+    /// lights, one sample of each area light and of one small bright source, one ray to the environment, and the photons of reflected light. Emission is not in
+    /// it: area lights are sampled as lights; nor is what [`Illumination::hot_light`] brings.
     pub fn reflected(&self, point: &SurfacePoint, key: u32, hair: &impl Fn(Vec3, Vec3, f32) -> f32) -> Vec3 {
         if point.albedo == Vec3::ZERO {
             return Vec3::ZERO;
         }
         let known = self.photons.as_ref().and_then(|photons| photons.irradiance(point.position, point.normal));
+        let hot = self.photons.as_ref().and_then(PhotonMap::hot_spots);
+        let below = hot.zip(known).map_or(1.0, |(hot, known)| hot.below(point.albedo, known.total));
         if let Some(known) = known.filter(|known| known.radius < BLUR * point.distance) {
-            return point.albedo * known.total / PI;
+            return point.albedo * known.total * (below / PI);
         }
         let origin = point.leaving();
         let mut irradiance = Vec3::ZERO;
@@ -172,7 +180,15 @@ impl Illumination {
         self.one_source(point.normal, key).iter().for_each(add);
         irradiance += self.sky_sample(point, origin, key, hair);
         irradiance += known.map_or(Vec3::ZERO, |known| known.indirect);
-        point.albedo * irradiance / PI
+        point.albedo * irradiance * (below / PI)
+    }
+
+    /// Light from hot spots of surfaces, the part that [`Illumination::reflected`] leaves out, whether or not something is in the way: `most` samples at
+    /// the most.
+    pub fn hot_light(&self, position: Vec3, most: u32, key: u32, take: impl FnMut(&Incident)) {
+        if let Some(hot) = self.photons.as_ref().and_then(PhotonMap::hot_spots) {
+            hot.light(position, hot.samples(most), key, take);
+        }
     }
 
     /// Irradiance from the environment, its small bright sources left out, by one ray.

@@ -353,7 +353,7 @@ impl<'s> Lighting<'s> {
         reflect: impl Fn(Vec3) -> Vec3,
         lit: &mut Lit,
     ) {
-        if !self.effects.area_lights && !self.effects.small_sources {
+        if !self.effects.area_lights && !self.effects.small_sources && !self.effects.photons {
             return;
         }
         let begin = Instant::now();
@@ -374,6 +374,7 @@ impl<'s> Lighting<'s> {
         };
         self.light.area_light(receiver.position, self.area_samples, key, &mut add);
         self.light.source_light(self.source_samples, key, &mut add);
+        self.light.hot_light(receiver.position, self.source_samples, key, &mut add);
         space.clock.lambda += begin.elapsed();
     }
 

@@ -12,7 +12,7 @@ use glam::{Mat3, Quat, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
-use super::Photon;
+use super::{HotSpots, Photon};
 use crate::igloo::frame_around;
 use crate::surface::Surfaces;
 
@@ -29,6 +29,7 @@ pub struct PhotonMap {
     tree: Tree,
     samples: Vec<Sample>,
     turn: Mat3,
+    hot: Option<HotSpots>,
 }
 
 /// What a map knows of a place.
@@ -74,7 +75,14 @@ impl PhotonMap {
                 Sample { normal: at.normal, irradiance: Irradiance { total, indirect, radius } }
             })
             .collect();
-        Some(Self { tree: tree(places.iter(), &turn)?, samples, turn })
+        let mut map = Self { tree: tree(places.iter(), &turn)?, samples, turn, hot: None };
+        map.hot = HotSpots::find(&all.photons, |photon| map.irradiance(photon.position, photon.normal));
+        Some(map)
+    }
+
+    /// Where surfaces are so bright that gather rays count a part of it only.
+    pub fn hot_spots(&self) -> Option<&HotSpots> {
+        self.hot.as_ref()
     }
 
     /// Number of places at which the irradiance is known.

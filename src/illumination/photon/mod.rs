@@ -4,10 +4,12 @@
 //! once. Where the map's blur would be seen, rays to the lights find what arrives straight from them. Power in W, in render units.
 
 mod emission;
+mod hot;
 mod map;
 mod trace;
 
 pub use emission::{Emission, Emitter};
+pub use hot::HotSpots;
 pub use map::{Irradiance, PhotonMap};
 pub use trace::{MOST, Photon, trace};
 

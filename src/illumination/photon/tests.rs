@@ -256,3 +256,48 @@ fn threads_do_not_change_a_photon() {
         assert_eq!(ask(&one), ask(&four));
     }
 }
+
+#[test]
+fn a_hot_spot_gives_as_much_light_in_two_parts_as_in_one() {
+    // Just below the ceiling: most of the light comes from a spot a tenth as wide as the box.
+    let lamp = DirectLight::Point { position: Vec3::new(0.1, 0.93, 0.0), intensity: Vec3::new(1.0, 0.9, 0.8) };
+    let mut light = lit(Vec3::ZERO, vec![lamp], vec![], surfaces(&cube([Vec3::splat(0.5); 6]), &[]));
+    light.set_photons(light.photon_map(&settings(200_000), &FREE));
+    let (map, walls) = (light.photons().expect("photons"), light.surfaces.as_ref().expect("walls"));
+    assert!(map.hot_spots().is_some());
+    for (position, normal) in [
+        (Vec3::new(0.3, -1.0, 0.2), Vec3::Y),
+        (Vec3::new(-1.0, 0.4, 0.1), Vec3::X),
+        (Vec3::new(0.0, 0.0, 1.0), -Vec3::Z),
+    ] {
+        let origin = position + normal * 1e-5;
+        let frame = crate::igloo::frame_around(normal);
+        let (mut whole, mut below, mut brightest) = (glam::DVec3::ZERO, glam::DVec3::ZERO, [0.0_f32; 2]);
+        let count = 300_000;
+        for i in 0..count {
+            let number = |axis| to_unit(hash(&[91, i, axis, position.x.to_bits()]));
+            let z = (1.0 - number(1)).sqrt();
+            let (sin, cos) = (2.0 * PI * number(0)).sin_cos();
+            let direction = frame * Vec3::new(cos * (1.0 - z * z).sqrt(), sin * (1.0 - z * z).sqrt(), z);
+            let hit = walls.closest(origin, direction, 0.0, f32::INFINITY).expect("a closed box");
+            let known = map.irradiance(hit.position, hit.normal).expect("photons");
+            let parts = [hit.albedo * known.total, light.reflected(&hit, i, &FREE) * PI];
+            whole += parts[0].as_dvec3();
+            below += parts[1].as_dvec3();
+            brightest = [0, 1].map(|k| brightest[k].max(parts[k].x));
+        }
+        let mut above = Vec3::ZERO;
+        light.hot_light(origin, 4096, 5, |incident| {
+            let cosine = incident.toward.dot(normal).max(0.0);
+            if light.sees(origin, incident.toward, incident.distance) {
+                above += incident.irradiance * cosine;
+            }
+        });
+        let (whole, both) = (whole / f64::from(count), below / f64::from(count) + above.as_dvec3());
+        let error = (both / whole - 1.0).abs().max_element();
+        println!("{position}: {both} against {whole}, above {above}; brightest {brightest:?}");
+        assert!(error < 0.02, "{both} against {whole}");
+        // What speckles is gone from the rays.
+        assert!(brightest[1] < 0.25 * brightest[0], "{brightest:?}");
+    }
+}

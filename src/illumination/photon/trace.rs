@@ -14,7 +14,7 @@ const HAIR: u32 = 0x4841_4952;
 const LIVES: u32 = 0x4C49_5645;
 const TURN: u32 = 0x5455_524E;
 
-/// Most photons that are kept: 36 bytes each, and as much again for the trees over them.
+/// Most photons that are kept: 52 bytes each, and as much again for the trees over them.
 pub const MOST: usize = 8_000_000;
 
 /// Paths that tell whether any light is reflected more than once at all.
@@ -30,6 +30,8 @@ pub struct Photon {
     /// Unit shading normal on the side that the photon came to.
     pub normal: Vec3,
     pub power: Vec3,
+    /// Reflectance of the surface there.
+    pub albedo: Vec3,
     /// Straight from its light.
     pub direct: bool,
 }
@@ -92,7 +94,13 @@ fn path(
         if number(HAIR, 0) >= hair(origin, direction, hit.distance) || hit.albedo == Vec3::ZERO {
             break;
         }
-        stored.push(Photon { position: hit.position, normal: hit.normal, power, direct: bounce == 0 });
+        stored.push(Photon {
+            position: hit.position,
+            normal: hit.normal,
+            power,
+            albedo: hit.albedo,
+            direct: bounce == 0,
+        });
         // Russian roulette by the brightest channel: no photon gains power.
         let lives = hit.albedo.max_element().min(1.0);
         if number(LIVES, 0) >= lives {

@@ -1,0 +1,131 @@
+//! Hot spots: parts of surfaces that reflect so much more light than the rest that rays which meet them by chance would speckle the picture, as
+//! the ceiling above a lamp. Their radiance is split at a cap: what is below comes by gather rays, what is above is lit as light from the photons
+//! that arrive there.
+//!
+//! The share that gather rays count is a function of the place alone, min(1, cap / radiance) of the map's own radiance there, so that
+//! both parts together are the whole, however good the map is. Power in W, radiance in W/(m² sr).
+
+use std::f32::consts::PI;
+
+use glam::Vec3;
+
+use super::{Irradiance, Photon};
+use crate::hash::unit;
+use crate::illumination::distribution::Distribution;
+use crate::illumination::lights::Incident;
+
+/// The cap, in medians of the radiance over the surfaces' area.
+const CONTRAST: f32 = 6.0;
+/// Spots that reflect less of all reflected light are left to chance.
+const WORTH: f32 = 0.01;
+/// Purpose of random numbers.
+const HOT: u32 = 0x484F_5421;
+
+/// The spots of a scene.
+#[derive(Debug)]
+pub struct HotSpots {
+    cap: f32,
+    photons: Vec<Hot>,
+    by_power: Distribution,
+    /// Their part of all reflected power.
+    share: f32,
+}
+
+/// A photon in a spot.
+#[derive(Clone, Copy, Debug)]
+struct Hot {
+    position: Vec3,
+    normal: Vec3,
+    /// What it reflects above the cap.
+    power: Vec3,
+    /// Squared radius of the disk over which the map's radiance there is a mean: nearer, the photon is no point.
+    radius2: f32,
+}
+
+fn brightness(color: Vec3) -> f32 {
+    color.element_sum() / 3.0
+}
+
+/// What gather rays count of a place.
+fn below(cap: f32, albedo: Vec3, irradiance: Vec3) -> f32 {
+    let radiance = brightness(albedo * irradiance) / PI;
+    if radiance > cap { cap / radiance } else { 1.0 }
+}
+
+impl HotSpots {
+    /// The spots in a scene's photons; none where there is nothing worth it. `known` is the map's irradiance at a photon.
+    pub(super) fn find(photons: &[Photon], known: impl Fn(&Photon) -> Option<Irradiance>) -> Option<Self> {
+        let known: Vec<Option<Irradiance>> = photons.iter().map(known).collect();
+        let radiance = |(photon, known): (&Photon, &Option<Irradiance>)| {
+            known.map(|known| brightness(photon.albedo * known.total) / PI).filter(|radiance| *radiance > 0.0)
+        };
+        let mut all: Vec<f32> = photons.iter().zip(&known).filter_map(radiance).collect();
+        all.sort_unstable_by(f32::total_cmp);
+        // Photons are as dense as the irradiance: one over it is the area that each stands for.
+        let area: f64 = all.iter().map(|radiance| 1.0 / f64::from(*radiance)).sum();
+        let mut sum = 0.0;
+        let median = all.iter().find(|radiance| {
+            sum += 1.0 / f64::from(**radiance);
+            sum >= 0.5 * area
+        })?;
+        let cap = CONTRAST * median;
+        let mut hot = Vec::new();
+        for (photon, known) in photons.iter().zip(&known) {
+            let Some(known) = known else { continue };
+            let above = 1.0 - below(cap, photon.albedo, known.total);
+            if above > 0.0 {
+                let (position, normal, power) = (photon.position, photon.normal, photon.albedo * photon.power * above);
+                hot.push(Hot { position, normal, power, radius2: known.radius * known.radius });
+            }
+        }
+        let total: f32 = photons.iter().map(|photon| brightness(photon.albedo * photon.power)).sum();
+        let share = hot.iter().map(|hot| brightness(hot.power)).sum::<f32>() / total;
+        if !(share > WORTH) {
+            return None;
+        }
+        // Strata of the running sum are then compact parts of the spots.
+        hot.sort_by_cached_key(|hot| place_key(hot.position));
+        let by_power = Distribution::new(hot.iter().map(|hot| brightness(hot.power)));
+        Some(Self { cap, photons: hot, by_power, share })
+    }
+
+    /// What gather rays count of a place with this reflectance and irradiance of the map.
+    pub fn below(&self, albedo: Vec3, irradiance: Vec3) -> f32 {
+        below(self.cap, albedo, irradiance)
+    }
+
+    /// Samples that a point takes of them, `most` at the most: by their part of the light.
+    pub fn samples(&self, most: u32) -> u32 {
+        ((4.0 * self.share).min(1.0) * most as f32).ceil() as u32
+    }
+
+    /// Light from the spots at a point, above the cap, whether or not something is in the way: `count` stratified samples. Each
+    /// `Incident::irradiance` is its share; `key` names the random numbers.
+    pub fn light(&self, position: Vec3, count: u32, key: u32, mut take: impl FnMut(&Incident)) {
+        for sample in 0..count {
+            let u = (f64::from(sample) + unit(&[HOT, key, sample])) / f64::from(count);
+            let Some((index, _)) = self.by_power.choose(u) else { return };
+            let hot = &self.photons[index];
+            let to_spot = hot.position - position;
+            let distance2 = to_spot.length_squared();
+            let distance = distance2.sqrt();
+            let toward = to_spot / distance;
+            let cosine = -toward.dot(hot.normal);
+            if !(cosine > 0.0) {
+                continue;
+            }
+            let stands_for = self.by_power.total() as f32 / (brightness(hot.power) * count as f32);
+            let irradiance = hot.power * (stands_for * cosine / (PI * distance2.max(hot.radius2)));
+            take(&Incident { toward, distance, irradiance });
+        }
+    }
+}
+
+/// Place on a Z-order curve, ten bits an axis over the cube from -32 to 32; beyond it the order does not matter.
+fn place_key(position: Vec3) -> u32 {
+    let spread = |x: f32| {
+        let cell = ((x + 32.0) * 16.0).clamp(0.0, 1023.0) as u32;
+        (0..10).fold(0, |bits, i| bits | (cell >> i & 1) << (3 * i))
+    };
+    spread(position.x) | spread(position.y) << 1 | spread(position.z) << 2
+}
