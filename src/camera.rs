@@ -92,6 +92,15 @@ impl Camera {
         Ok(Self { position, right, up: right.cross(forward), forward, resolution, projection })
     }
 
+    /// The same view in another number of pixels (both at least 1); the vertical field of view stays.
+    #[must_use]
+    pub fn with_resolution(&self, resolution: [u32; 2]) -> Self {
+        let size = DVec2::new(resolution[0].into(), resolution[1].into());
+        let focal = self.projection.focal * size.y / f64::from(self.resolution[1]);
+        let projection = Projection { focal, center: 0.5 * size, near: self.projection.near };
+        Self { resolution, projection, ..self.clone() }
+    }
+
     /// Where the camera stands.
     pub fn position(&self) -> DVec3 {
         self.position

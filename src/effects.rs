@@ -10,7 +10,7 @@ use crate::scene::{HairShading, Scene};
 pub struct Effect {
     pub name: &'static str,
     pub on: bool,
-    pub reason: &'static str,
+    pub reason: String,
 }
 
 /// The plan for a scene.
@@ -97,12 +97,27 @@ impl Effects {
         }
     }
 
+    /// The plan in words, and what the scene file leaves out.
+    pub fn list_for(&self, scene: &Scene) -> Vec<Effect> {
+        let mut list = self.list();
+        for left_out in &scene.description().effects.without {
+            let name = serde_json::to_value(left_out).ok().and_then(|name| name.as_str().map(ToOwned::to_owned));
+            for effect in list.iter_mut().filter(|effect| {
+                let key = effect.name.replace(' ', "-");
+                name.as_ref().is_some_and(|name| key == *name || key.starts_with(&format!("{name}-by-")))
+            }) {
+                effect.reason = "left out: effects.without names it".to_owned();
+            }
+        }
+        list
+    }
+
     /// The plan in words.
     pub fn list(&self) -> Vec<Effect> {
         let say = |name, on, because: &'static str, lacking: &'static str| Effect {
             name,
             on,
-            reason: if on { because } else { lacking },
+            reason: (if on { because } else { lacking }).to_owned(),
         };
         vec![
             say("hair", self.hair, "the scene has hair", "the scene has no hair"),

@@ -23,7 +23,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Failure> {
-    let document = load(&arguments.scene, &arguments.overrides.set, verbosity)?;
+    let document = load(&arguments.scene, &arguments.overrides.all(), verbosity)?;
     let document = document.at_frame(arguments.frame);
     arguments.memory.check(&document, Work::Check)?;
     let scene = Scene::load(document)?;

@@ -61,7 +61,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Failure> {
-    let mut overrides = arguments.overrides.set.clone();
+    let mut overrides = arguments.overrides.all();
     let size = |r: &Resolution| format!("camera.resolution=[{}, {}]", r.width, r.height);
     overrides.extend(arguments.resolution.as_ref().map(size));
     overrides.extend(arguments.seed.map(|seed| format!("sampling.seed={seed}")));

@@ -46,7 +46,7 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
         let message = format!("{}: the folder does not exist; make it first", folder.display());
         return Err(Failure::Output(message));
     }
-    let mut overrides = arguments.overrides.set.clone();
+    let mut overrides = arguments.overrides.all();
     overrides.extend(arguments.resolution.map(|r| format!("camera.resolution=[{}, {}]", r.width, r.height)));
     interrupt::install().map_err(|e| Failure::Bug(format!("cannot catch Ctrl-C: {e}")))?;
     let reporter = Reporter::new(verbosity);

@@ -34,7 +34,7 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
         let message = format!("{}: hair is written as HAIR files only; let the name end in .hair", output.display());
         return Err(Failure::Usage(message));
     }
-    let document = load(&arguments.scene, &arguments.overrides.set, verbosity)?.at_frame(arguments.frame);
+    let document = load(&arguments.scene, &arguments.overrides.all(), verbosity)?.at_frame(arguments.frame);
     if !document.description.hair.iter().any(|hair| hair.grow.is_some()) {
         let scene = arguments.scene.display();
         return Err(Failure::Input(format!("{scene}: no hair of this scene is grown; give a [[hair]] the key grow")));

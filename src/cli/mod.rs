@@ -12,6 +12,7 @@ mod log;
 mod man;
 mod memory;
 mod pixel;
+mod plan;
 pub mod progress;
 pub mod render;
 mod schema;
@@ -44,6 +45,7 @@ enum Command {
     Check(check::Arguments),
     Crosscheck(crosscheck::Arguments),
     Figure(figure::Arguments),
+    Plan(plan::Arguments),
     Study(study::Arguments),
     Info(info::Arguments),
     Grow(grow::Arguments),
@@ -74,6 +76,21 @@ struct Overrides {
         help = "Set a key of the scene, as in camera.fov=40 or hair[0].width=0.1"
     )]
     set: Vec<String>,
+    /// Leave out an effect, whatever the scene calls for, as in --without area-lights; may be given several times. `tress plan` lists them
+    #[arg(long, value_name = "EFFECT")]
+    without: Vec<String>,
+}
+
+impl Overrides {
+    /// All of them as `key.path=value`.
+    fn all(&self) -> Vec<String> {
+        let mut all = self.set.clone();
+        if !self.without.is_empty() {
+            let names: Vec<String> = self.without.iter().map(|name| format!("{name:?}")).collect();
+            all.push(format!("effects.without=[{}]", names.join(", ")));
+        }
+        all
+    }
 }
 
 /// Runs the program with the process's arguments.
@@ -95,6 +112,7 @@ fn run(cli: Cli) -> ExitCode {
         Command::Render(arguments) => render::run(arguments, verbosity),
         Command::Check(arguments) => check::run(arguments, verbosity),
         Command::Crosscheck(arguments) => crosscheck::run(arguments, verbosity),
+        Command::Plan(arguments) => plan::run(arguments, verbosity),
         Command::Figure(arguments) => figure::run(arguments, verbosity),
         Command::Study(arguments) => study::run(arguments, verbosity),
         Command::Info(arguments) => info::run(arguments),

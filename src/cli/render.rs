@@ -287,7 +287,7 @@ pub(super) fn window(crop: Option<Crop>, document: &Document) -> Result<Option<P
 
 /// What `--set` says, and after it the options that stand for a key.
 fn settings(arguments: &Arguments) -> Vec<String> {
-    let mut settings = arguments.overrides.set.clone();
+    let mut settings = arguments.overrides.all();
     settings.extend(arguments.occlusion.as_ref().map(|mode| format!("occlusion.mode={mode}")));
     let size = |r: &Resolution| format!("camera.resolution=[{}, {}]", r.width, r.height);
     settings.extend(arguments.resolution.as_ref().map(size));

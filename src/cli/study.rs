@@ -39,7 +39,7 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
         return Err(Failure::Output(format!("{}: it is a file; name a folder", folder.display())));
     }
     interrupt::install().map_err(|e| Failure::Bug(format!("cannot catch Ctrl-C: {e}")))?;
-    let mut overrides = arguments.overrides.set.clone();
+    let mut overrides = arguments.overrides.all();
     overrides.extend(arguments.resolution.map(|r| format!("camera.resolution=[{}, {}]", r.width, r.height)));
     let options = Options {
         overrides,

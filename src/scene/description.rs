@@ -33,6 +33,8 @@ pub struct Description {
     pub occlusion: Occlusion,
     /// Light that surfaces reflect on hair and on each other.
     pub indirect: Indirect,
+    /// Effects that are left out, whatever the scene calls for.
+    pub effects: EffectChoice,
     /// How finely the picture is sampled.
     pub sampling: Sampling,
     /// What is written, and how.
@@ -681,6 +683,40 @@ pub enum IndirectMode {
     SingleBounce,
     /// None: surfaces block light, but what they meet gets none from them.
     None,
+}
+
+/// Which effects are left out. `tress plan` lists all effects of a scene.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct EffectChoice {
+    /// Effects to be left out; nothing of theirs is built or computed.
+    pub without: Vec<EffectName>,
+}
+
+/// An effect that can be left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum EffectName {
+    /// All hair.
+    Hair,
+    /// All surfaces, as shapes that are seen, block light and reflect it.
+    Surfaces,
+    /// Light from the environment, also behind the objects.
+    Environment,
+    /// Bright spots of an environment map as lights of their own; they stay in the map.
+    SmallBrightSources,
+    /// Light from area lights; they are still seen.
+    AreaLights,
+    /// Light from point and directional lights.
+    PointAndDirectionalLights,
+    /// Light that surfaces reflect; as `indirect.mode = "none"`.
+    LightReflectedBySurfaces,
+    /// Light that surfaces reflect more than once; as `indirect.mode = "single-bounce"`.
+    MoreThanOneReflection,
+    /// Hair that blocks light from around; as `occlusion.mode = "none"`.
+    HairOcclusion,
+    /// Highlights of hair.
+    Highlight,
 }
 
 /// Thinning of the hair for Γ. Strands are chosen by a hash, so that a smaller set is inside a larger one.

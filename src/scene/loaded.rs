@@ -111,7 +111,7 @@ impl Scene {
         let camera = loader.camera(&space)?;
         let (radiance, sources, to_map) = loader.environment()?;
         let notes = loader.notes;
-        Ok(Self {
+        let mut scene = Self {
             space,
             camera,
             hair,
@@ -124,7 +124,9 @@ impl Scene {
             area,
             notes,
             document,
-        })
+        };
+        scene.leave_out();
+        Ok(scene)
     }
 
     /// What the user wrote.

@@ -6,6 +6,7 @@ pub mod document;
 pub(crate) mod environment;
 pub mod frame;
 pub mod keypath;
+mod leave_out;
 pub mod loaded;
 pub mod overrides;
 mod parse;
