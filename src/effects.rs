@@ -22,6 +22,8 @@ pub struct Effects {
     pub surfaces: bool,
     /// Light comes from the environment.
     pub environment: bool,
+    /// The environment map has small bright sources, lit as lights of their own.
+    pub small_sources: bool,
     /// Light comes from area lights.
     pub area_lights: bool,
     /// Light comes from point or directional lights.
@@ -49,6 +51,7 @@ impl Effects {
         let hair = !scene.hair.is_empty();
         let surfaces = !scene.surfaces.is_empty();
         let environment = !scene.radiance.is_black();
+        let small_sources = scene.sources.is_some();
         let area_lights = !scene.area.is_empty();
         let direct_lights = !scene.direct.is_empty();
         let reflection = surfaces && (environment || area_lights || direct_lights) && scene.surfaces.reflects();
@@ -61,6 +64,7 @@ impl Effects {
             hair,
             surfaces,
             environment,
+            small_sources,
             area_lights,
             direct_lights,
             reflection,
@@ -68,7 +72,10 @@ impl Effects {
             raytraced_occlusion,
             calibration,
             hair_rays: hair
-                && (raytraced_occlusion || calibration || direct_lights || reflection && mode != OcclusionMode::None),
+                && (raytraced_occlusion
+                    || calibration
+                    || direct_lights
+                    || (reflection || area_lights || small_sources) && mode != OcclusionMode::None),
             highlight: hair && scene.hair_objects.iter().any(|object| object.specular != glam::Vec3::ZERO),
             unoccluded_layer: description.output.layers.contains(&Layer::EnvironmentUnoccluded),
         }
@@ -85,6 +92,12 @@ impl Effects {
             say("hair", self.hair, "the scene has hair", "the scene has no hair"),
             say("surfaces", self.surfaces, "the scene has surfaces", "the scene has no visible surface"),
             say("environment", self.environment, "the environment shines", "the environment is black"),
+            say(
+                "small bright sources",
+                self.small_sources,
+                "the environment map has spots that the igloo's faces would blur too much",
+                "no environment map, no spot in it that is worth it, or environment.sources is none",
+            ),
             say("area lights", self.area_lights, "the scene has area lights", "the scene has no area light"),
             say(
                 "point and directional lights",

@@ -67,6 +67,36 @@ proptest! {
 }
 
 #[test]
+fn rays_from_one_point_meet_together_what_each_meets_alone() {
+    let corner = |i: u32, axis| tress::hash::to_unit(tress::hash::hash(&[i, axis])) * 2.0 - 1.0;
+    let positions: Vec<Vec3> = (0..60).map(|i| Vec3::new(corner(i, 0), corner(i, 1), corner(i, 2))).collect();
+    let triangles: Vec<[u32; 3]> = (0..20).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    let scene = TriangleScene::build(&device(), positions, triangles).unwrap();
+    let origin = Vec3::new(0.1, 0.2, -0.3);
+    // A count that fills no whole packet, and rays that cannot meet anything among the others.
+    let mut directions: Vec<Vec3> =
+        (0..1003).map(|i| Vec3::new(corner(i, 3), corner(i, 4), corner(i, 5)).normalize()).collect();
+    directions[17] = Vec3::NAN;
+    directions[18] = Vec3::ZERO;
+    let mut met = Vec::new();
+    scene.closest_from(origin, &directions, |i, hit| {
+        assert_eq!(i, met.len());
+        met.push(hit);
+    });
+    assert_eq!(met.len(), directions.len());
+    assert!(met[17].is_none() && met[18].is_none());
+    let hits = met.iter().flatten().count();
+    assert!((100..1000).contains(&hits), "{hits} of 1003 rays meet something");
+    for (direction, together) in directions.iter().zip(&met) {
+        let alone = scene.closest(origin, *direction, 0.0, f32::INFINITY);
+        assert_eq!(together.map(|hit| hit.triangle), alone.map(|hit| hit.triangle), "{direction}");
+        if let (Some(together), Some(alone)) = (together, alone) {
+            assert!((together.distance - alone.distance).abs() <= 1e-5 * (1.0 + alone.distance));
+        }
+    }
+}
+
+#[test]
 fn rays_at_shared_edges_do_not_slip_through() {
     let positions = vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];
     let scene = TriangleScene::build(&device(), positions, vec![[0, 1, 2], [0, 2, 3]]).unwrap();

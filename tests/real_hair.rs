@@ -5,8 +5,7 @@ mod common;
 use common::{block_difference, data, mean, whole};
 
 fn agree(scene: &str) {
-    // Small lamps see Γ of single faces: they need it finer than the mean over all directions tells.
-    let settings = ["camera.resolution=[128, 128]", "sampling.layers=4", "occlusion.accuracy=0.004"];
+    let settings = ["camera.resolution=[128, 128]", "sampling.layers=4", "occlusion.accuracy=0.01"];
     let picture = |mode: &str| whole(scene, &[&settings[..], &[mode]].concat());
     let (igloo, statistics) = picture("occlusion.mode=igloo");
     let (rays, _) = picture("occlusion.mode=raytraced");

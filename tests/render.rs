@@ -350,3 +350,16 @@ fn a_cancelled_render_stops_within_a_few_points() {
     assert!(matches!(result, Err(RenderError::Cancelled)));
     assert!(progress.0.load(Ordering::Relaxed) < 100);
 }
+
+#[test]
+fn hair_that_does_not_gather_is_lit_by_point_lights_alone() {
+    let lamp =
+        ["light.point=[{position=[2,2,3],intensity=[8,8,8]}]", "occlusion.mode=igloo", "camera.resolution=[24,24]"];
+    let (all, _) = whole(FURNACE, &lamp);
+    let (direct, _) = whole(FURNACE, &[&lamp[..], &["hair[0].gather=false"]].concat());
+    assert!(all.pixels.iter().any(|pixel| pixel.environment.y > 0.1));
+    for (all, direct) in all.pixels.iter().zip(&direct.pixels) {
+        assert_eq!(direct.environment, glam::Vec3::ZERO);
+        assert_eq!((direct.direct, direct.alpha), (all.direct, all.alpha));
+    }
+}

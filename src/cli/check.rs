@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::{Failure, Overrides, Verbosity, exit, load, log};
-use crate::illumination::Radiance;
+use crate::illumination::{Mapping, Radiance};
 use crate::scene::{AssetError, Scene};
 
 /// Check a scene and all files it names, and list every fault with its line; render nothing
@@ -70,7 +70,13 @@ fn environment(radiance: &Radiance) -> String {
         Radiance::Uniform(color) if color.max_element() <= 0.0 => "black".to_owned(),
         Radiance::Uniform(color) => format!("radiance {} {} {} everywhere", color.x, color.y, color.z),
         Radiance::Gradient { .. } => "gradient sky".to_owned(),
-        Radiance::Map { width, height, .. } => format!("map of {width}x{height} pixels"),
+        Radiance::Map(map) => {
+            let kind = match map.mapping {
+                Mapping::LatLong => "lat-long",
+                Mapping::Angular => "angular",
+            };
+            format!("{kind} map of {}x{} pixels", map.width, map.height)
+        }
     }
 }
 

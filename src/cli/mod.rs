@@ -4,6 +4,7 @@ mod check;
 mod completions;
 mod crosscheck;
 mod exit;
+mod figure;
 mod grow;
 mod info;
 pub mod interrupt;
@@ -38,6 +39,7 @@ enum Command {
     Render(render::Arguments),
     Check(check::Arguments),
     Crosscheck(crosscheck::Arguments),
+    Figure(figure::Arguments),
     Info(info::Arguments),
     Grow(grow::Arguments),
     Schema(schema::Arguments),
@@ -87,6 +89,7 @@ fn run(cli: Cli) -> ExitCode {
         Command::Render(arguments) => render::run(arguments, verbosity),
         Command::Check(arguments) => check::run(arguments, verbosity),
         Command::Crosscheck(arguments) => crosscheck::run(arguments, verbosity),
+        Command::Figure(arguments) => figure::run(arguments, verbosity),
         Command::Info(arguments) => info::run(arguments),
         Command::Grow(arguments) => grow::run(arguments, verbosity),
         Command::Schema(arguments) => schema::run(arguments),

@@ -9,6 +9,9 @@ use glam::Vec3;
 use super::scene::{Buffer, GeometryKind, SceneHandle};
 use super::{Device, Error, check_coordinates, check_count, embree_ray};
 
+/// How many rays of [`TriangleScene::closest_from`] Embree gets at a time.
+const PACKET: usize = 16;
+
 /// Where a ray meets a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriangleHit {
@@ -95,6 +98,50 @@ impl TriangleScene {
             u: hit.u,
             v: hit.v,
             normal: Vec3::new(hit.Ng_x, hit.Ng_y, hit.Ng_z),
+        })
+    }
+
+    /// [`Self::closest`] for many rays from one point, neighbouring directions next to each other: `take` gets the number of each ray, in order, and
+    /// what it meets.
+    ///
+    /// As sixteen rays at a time share their way through the tree, a ray costs a fraction of what it costs alone. Which of two triangles at the same
+    /// distance is met may differ from [`Self::closest`].
+    pub fn closest_from(&self, origin: Vec3, directions: &[Vec3], mut take: impl FnMut(usize, Option<TriangleHit>)) {
+        for (first, directions) in (0..).step_by(PACKET).zip(directions.chunks(PACKET)) {
+            let hits = self.closest_packet(origin, directions);
+            (0..directions.len()).for_each(|i| take(first + i, hits[i]));
+        }
+    }
+
+    fn closest_packet(&self, origin: Vec3, directions: &[Vec3]) -> [Option<TriangleHit>; PACKET] {
+        #[repr(C, align(64))]
+        struct Valid([i32; PACKET]);
+        let none = u32::MAX;
+        let mut valid = Valid([0; PACKET]);
+        let mut query = sys::RTCRayHit16::default();
+        query.hit.geomID = [none; PACKET];
+        query.hit.instID = [[none; PACKET]];
+        query.hit.instPrimID = [[none; PACKET]];
+        let rays = &mut query.ray;
+        for (i, &direction) in directions.iter().enumerate().take(PACKET) {
+            let Some(ray) = embree_ray(origin, direction, 0.0, f32::INFINITY) else { continue };
+            valid.0[i] = -1;
+            (rays.org_x[i], rays.org_y[i], rays.org_z[i]) = (ray.org_x, ray.org_y, ray.org_z);
+            (rays.dir_x[i], rays.dir_y[i], rays.dir_z[i]) = (ray.dir_x, ray.dir_y, ray.dir_z);
+            (rays.tnear[i], rays.tfar[i], rays.mask[i]) = (ray.tnear, ray.tfar, ray.mask);
+        }
+        // SAFETY: the scene is committed; mask and query are whole and aligned to 64 bytes, as Embree asks for, and live through the call, on
+        // this thread alone; null arguments mean the defaults.
+        unsafe { sys::rtcIntersect16(valid.0.as_ptr(), self.scene.scene, &raw mut query, ptr::null_mut()) };
+        let (ray, hit) = (&query.ray, &query.hit);
+        std::array::from_fn(|i| {
+            (valid.0[i] != 0 && hit.geomID[i] != none).then(|| TriangleHit {
+                distance: ray.tfar[i],
+                triangle: hit.primID[i],
+                u: hit.u[i],
+                v: hit.v[i],
+                normal: Vec3::new(hit.Ng_x[i], hit.Ng_y[i], hit.Ng_z[i]),
+            })
         })
     }
 

@@ -1,13 +1,12 @@
 //! Light from infinitely far away, as averages over the faces of an igloo (paper, Eq. 9).
 //!
-//! Directions are in render space, whose axes are the scene's. A lat-long map has its own axes: +Y at the top, +Z at the centre,
-//! +X at u = 1/4. Radiance in W/(m² sr), linear Rec.709.
+//! Directions are in render space, whose axes are the scene's; a map has its own (see [`super::map::Mapping`]). Radiance in W/(m² sr), linear Rec.709.
 
-use std::f32::consts::{PI, TAU};
+use std::sync::Arc;
 
 use glam::{Mat3, Vec3};
-use rayon::prelude::*;
 
+use super::{Map, Sources};
 use crate::igloo::{Igloo, Span};
 
 /// Where the radiance comes from. Directions are in the map's axes, y up.
@@ -17,8 +16,8 @@ pub enum Radiance {
     Uniform(Vec3),
     /// Linear in the sine of the elevation.
     Gradient { zenith: Vec3, horizon: Vec3, nadir: Vec3 },
-    /// A lat-long map, rows from the top; pixels finite and not negative.
-    Map { width: usize, height: usize, pixels: Vec<Vec3> },
+    /// A picture.
+    Map(Map),
 }
 
 impl Radiance {
@@ -27,7 +26,7 @@ impl Radiance {
         match self {
             Self::Uniform(color) => *color == Vec3::ZERO,
             Self::Gradient { zenith, horizon, nadir } => [zenith, horizon, nadir].iter().all(|c| **c == Vec3::ZERO),
-            Self::Map { pixels, .. } => pixels.iter().all(|pixel| *pixel == Vec3::ZERO),
+            Self::Map(map) => map.pixels.iter().all(|pixel| *pixel == Vec3::ZERO),
         }
     }
 }
@@ -36,6 +35,8 @@ impl Radiance {
 #[derive(Clone, Debug)]
 pub struct Environment {
     radiance: Radiance,
+    /// What is lit as lights of its own and is not in the averages.
+    sources: Option<Arc<Sources>>,
     /// From render space to the map's axes.
     to_map: Mat3,
     /// Averages over the faces of a fine igloo: what faces of any orientation are filled from.
@@ -54,9 +55,10 @@ struct Cell {
 const CELLS_PER_FACE: u32 = 24;
 
 impl Environment {
-    /// An environment for shading with igloos of `faces` faces a hemisphere. `to_map` turns render space to the map's axes.
-    pub fn new(radiance: Radiance, to_map: Mat3, faces: u32) -> Self {
-        let mut environment = Self { radiance, to_map, cells: Vec::new() };
+    /// An environment for shading with igloos of `faces` faces a hemisphere. `to_map` turns render space to the map's axes; `sources` are
+    /// those of the map in `radiance`.
+    pub fn new(radiance: Radiance, sources: Option<Arc<Sources>>, to_map: Mat3, faces: u32) -> Self {
+        let mut environment = Self { radiance, sources, to_map, cells: Vec::new() };
         if !matches!(environment.radiance, Radiance::Uniform(_)) {
             let igloo = Igloo::new(Span::Sphere, (faces.saturating_mul(CELLS_PER_FACE)).clamp(1_000, 100_000));
             let averages = environment.averages(&igloo);
@@ -70,7 +72,7 @@ impl Environment {
         environment
     }
 
-    /// Radiance from a unit direction, bilinear between a map's pixels.
+    /// Radiance from a unit direction, bilinear between a map's pixels; the sources are in it.
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
         let d = self.to_map * direction;
         match &self.radiance {
@@ -79,16 +81,29 @@ impl Environment {
                 let end = if d.y >= 0.0 { zenith } else { nadir };
                 *horizon + (*end - *horizon) * d.y.abs().min(1.0)
             }
-            Radiance::Map { width, height, pixels } => lookup(*width, *height, pixels, d),
+            Radiance::Map(map) => map.lookup(d),
         }
     }
 
-    /// Mean radiance over each face of an igloo that stands unturned in render space: sums over a map's pixels, or parts of them.
+    /// The small bright sources, which are not in the averages.
+    pub fn sources(&self) -> Option<&Sources> {
+        self.sources.as_deref()
+    }
+
+    /// From render space to the map's axes.
+    pub fn to_map(&self) -> Mat3 {
+        self.to_map
+    }
+
+    /// Mean radiance over each face of an igloo that stands unturned in render space, the sources left out.
     pub fn averages(&self, igloo: &Igloo) -> Vec<Vec3> {
         match &self.radiance {
             Radiance::Uniform(color) => vec![*color; igloo.len()],
             Radiance::Gradient { .. } => (0..igloo.len()).map(|face| self.sampled_average(igloo, face)).collect(),
-            Radiance::Map { width, height, pixels } => self.map_averages(igloo, *width, *height, pixels),
+            Radiance::Map(map) => {
+                let rest = self.sources.as_ref().map_or(map, |sources| &sources.rest);
+                rest.averages(igloo, self.to_map.transpose())
+            }
         }
     }
 
@@ -121,56 +136,6 @@ impl Environment {
             (0..SIDE * SIDE).map(|i| self.radiance(igloo.direction(face, offset(i % SIDE), offset(i / SIDE))));
         samples.sum::<Vec3>() / (SIDE * SIDE) as f32
     }
-
-    fn map_averages(&self, igloo: &Igloo, width: usize, height: usize, pixels: &[Vec3]) -> Vec<Vec3> {
-        // A pixel wider than an eighth of a face is taken in parts, so that its energy is not all in one face.
-        let pixel = (TAU / width as f32).max(PI / height as f32);
-        let parts = (8.0 * pixel / igloo.face_width()).ceil().clamp(1.0, 64.0) as usize;
-        let from_map = self.to_map.transpose();
-        // Bands of rows of a fixed size: the order of the sums must not depend on the number of threads.
-        let bands: Vec<usize> = (0..height).step_by(height.div_ceil(16)).collect();
-        let sums: Vec<Vec<Vec3>> = bands
-            .par_iter()
-            .map(|&first| {
-                let mut sums = vec![Vec3::ZERO; igloo.len()];
-                for part_row in first * parts..(first + height.div_ceil(16)).min(height) * parts {
-                    let theta = |k: usize| PI * (part_row + k) as f32 / (height * parts) as f32;
-                    let (sin, cos) = (0.5 * (theta(0) + theta(1))).sin_cos();
-                    let weight = theta(0).cos() - theta(1).cos();
-                    for column in 0..width * parts {
-                        let (x, z) = column_direction(column, width * parts);
-                        let face = igloo.face_of(from_map * Vec3::new(sin * x, cos, sin * z));
-                        sums[face] += pixels[part_row / parts * width + column / parts] * weight;
-                    }
-                }
-                sums
-            })
-            .collect();
-        // Energy over the face's true solid angle: a lamp keeps its energy whichever faces share it.
-        let scale = TAU / (width * parts) as f32 / igloo.face_solid_angle();
-        (0..igloo.len()).map(|face| sums.iter().map(|band| band[face]).sum::<Vec3>() * scale).collect()
-    }
-}
-
-/// x and z of the middle of a column: u = 1/4 is +X, u = 1/2 is +Z.
-fn column_direction(column: usize, columns: usize) -> (f32, f32) {
-    let (sin, cos) = (TAU * (column as f32 + 0.5) / columns as f32).sin_cos();
-    (sin, -cos)
-}
-
-/// Bilinear look-up; columns wrap round, rows end at the poles.
-fn lookup(width: usize, height: usize, pixels: &[Vec3], d: Vec3) -> Vec3 {
-    let turn = d.x.atan2(-d.z) / TAU;
-    let u = (turn - turn.floor()) * width as f32 - 0.5;
-    let v = d.y.clamp(-1.0, 1.0).acos() / PI * height as f32 - 0.5;
-    let (left, top) = (u.floor(), v.floor());
-    let (fu, fv) = (u - left, v - top);
-    let column = |x: f32| (x as i64).rem_euclid(width as i64) as usize;
-    let row = |y: f32| (y.max(0.0) as usize).min(height - 1);
-    let at = |x: f32, y: f32| pixels[row(y) * width + column(x)];
-    let upper = at(left, top).lerp(at(left + 1.0, top), fu);
-    let lower = at(left, top + 1.0).lerp(at(left + 1.0, top + 1.0), fu);
-    upper.lerp(lower, fv)
 }
 
 /// The rotation from render space (the scene's axes) to a map's axes, y up: the scene's up axis goes to the map's +Y by the
@@ -182,27 +147,28 @@ pub fn map_axes(up: Vec3, rotate: f64) -> Mat3 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::map::Mapping;
     use super::*;
 
     /// A map that is bright at one place.
     fn map(width: usize, height: usize, bright: impl Fn(usize, usize) -> f32) -> Radiance {
         let pixels = (0..width * height).map(|i| Vec3::splat(bright(i % width, i / width))).collect();
-        Radiance::Map { width, height, pixels }
+        Radiance::Map(Map::new(Mapping::LatLong, width, height, pixels))
     }
 
     #[test]
     fn the_centre_is_z_and_a_quarter_is_x() {
-        let at = |column: usize| Environment::new(map(64, 32, |x, _| f32::from(x == column)), Mat3::IDENTITY, 10);
+        let at = |column: usize| Environment::new(map(64, 32, |x, _| f32::from(x == column)), None, Mat3::IDENTITY, 10);
         assert!(at(32).radiance(Vec3::new(0.05, 0.0, 1.0).normalize()).x < 1.0 + 1e-6);
         let angle = |column: usize| {
-            let (x, z) = column_direction(column, 64);
-            Vec3::new(x, 0.0, z)
+            let (sin, cos) = (std::f32::consts::TAU * (column as f32 + 0.5) / 64.0).sin_cos();
+            Vec3::new(sin, 0.0, -cos)
         };
         for column in [0, 15, 16, 31, 32, 50, 63] {
             assert!((at(column).radiance(angle(column)).x - 1.0).abs() < 1e-3, "{column}");
         }
         assert!(angle(16).distance(Vec3::X) < 0.06 && angle(32).distance(Vec3::Z) < 0.06);
-        let top = Environment::new(map(64, 32, |_, y| f32::from(y < 2)), Mat3::IDENTITY, 10);
+        let top = Environment::new(map(64, 32, |_, y| f32::from(y < 2)), None, Mat3::IDENTITY, 10);
         assert!(top.radiance(Vec3::Y).x > 0.99 && top.radiance(-Vec3::Y).x < 0.01);
     }
 
@@ -210,7 +176,7 @@ mod tests {
     fn averages_conserve_the_energy_of_a_map_with_a_lamp() {
         let (width, height) = (128, 64);
         let lamp = |x: usize, y: usize| if (x, y) == (37, 20) { 3000.0 } else { 0.1 };
-        let environment = Environment::new(map(width, height, lamp), map_axes(Vec3::Z, 33.0), 100);
+        let environment = Environment::new(map(width, height, lamp), None, map_axes(Vec3::Z, 33.0), 100);
         let mut exact = 0.0_f64;
         for y in 0..height {
             let theta = |k: usize| std::f64::consts::PI * (y + k) as f64 / height as f64;
@@ -240,7 +206,7 @@ mod tests {
         }
         // Turned by 90 degrees counter-clockwise, what was at +Z (the centre) is at +X.
         let environment =
-            Environment::new(map(64, 32, |x, _| f32::from((30..34).contains(&x))), map_axes(Vec3::Y, 90.0), 10);
+            Environment::new(map(64, 32, |x, _| f32::from((30..34).contains(&x))), None, map_axes(Vec3::Y, 90.0), 10);
         assert!(environment.radiance(Vec3::X).x > 0.9);
     }
 }

@@ -8,14 +8,17 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use super::{DirectLight, Environment, RectLight, lights::Incident};
-use crate::hash::{hash, to_unit};
-use crate::igloo::{Igloo, Span, frame_around};
+use super::guide::Guide;
+use super::{DirectLight, Environment, RectLight, lights::Incident, sources};
+use crate::hash::{hash, to_unit, unit};
+use crate::igloo::{Igloo, Span};
 use crate::surface::{SurfacePoint, Surfaces};
 
 /// Purposes of random numbers.
 const SKY: u32 = 0x534B_5921;
 const AREA: u32 = 0x4152_4541;
+const SOURCE: u32 = 0x5355_4E21;
+const ONE_SOURCE: u32 = 0x4F4E_4521;
 
 /// All light of a scene, and the surfaces that block and reflect it.
 #[derive(Debug)]
@@ -24,13 +27,16 @@ pub struct Illumination {
     pub direct: Vec<DirectLight>,
     pub area: Vec<RectLight>,
     pub surfaces: Option<Surfaces>,
-    /// The environment as its averages over a coarse igloo, for single rays from surfaces: less noise than its pixels.
-    coarse: Igloo,
-    coarse_means: Vec<Vec3>,
+    /// The environment's averages over the igloo of hair.
+    means: Vec<Vec3>,
+    /// Width of its faces, in radians.
+    face_width: f32,
+    /// Where single rays from surfaces go.
+    guide: Guide,
 }
 
 impl Illumination {
-    /// Light of a scene; rays that leave surfaces see the environment blurred to `faces` faces a hemisphere.
+    /// Light of a scene, the environment averaged over `faces` faces a hemisphere; rays that leave surfaces see it blurred to as many or fewer.
     pub fn new(
         environment: Environment,
         direct: Vec<DirectLight>,
@@ -38,14 +44,24 @@ impl Illumination {
         surfaces: Option<Surfaces>,
         faces: u32,
     ) -> Self {
-        let coarse = Igloo::new(Span::Sphere, faces);
-        let coarse_means = environment.averages(&coarse);
-        Self { environment, direct, area, surfaces, coarse, coarse_means }
+        let igloo = Igloo::new(Span::Sphere, faces);
+        let (means, face_width) = (environment.averages(&igloo), igloo.face_width());
+        let coarse = Guide::igloo(faces);
+        let guide = if coarse.len() == igloo.len() {
+            Guide::new(coarse, means.clone())
+        } else {
+            let means = environment.averages(&coarse);
+            Guide::new(coarse, means)
+        };
+        Self { environment, direct, area, surfaces, means, face_width, guide }
     }
 
-    /// The first surface along a ray with unit direction.
-    pub fn nearest(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
-        self.surfaces.as_ref()?.closest(origin, direction, 0.0, f32::INFINITY)
+    /// The first surfaces along rays of unit direction from one point: `take` gets the number of each ray, in order, and what it meets.
+    pub fn nearest(&self, origin: Vec3, directions: &[Vec3], mut take: impl FnMut(usize, Option<SurfacePoint>)) {
+        match &self.surfaces {
+            Some(surfaces) => surfaces.closest_from(origin, directions, take),
+            None => (0..directions.len()).for_each(|i| take(i, None)),
+        }
     }
 
     /// Whether no surface lies between a point and the distance `far`.
@@ -54,7 +70,7 @@ impl Illumination {
         self.surfaces.as_ref().is_none_or(|s| !s.blocks(origin, direction, 0.0, far * (1.0 - 1e-5)))
     }
 
-    /// Light from the area lights at a point: `per_side`² stratified samples each, those behind surfaces left out.
+    /// Light from the area lights at a point: `per_side`² stratified samples each, whether or not surfaces are in the way.
     ///
     /// Each `Incident::irradiance` is its share; `key` names the random numbers.
     pub fn area_light(&self, position: Vec3, per_side: u32, key: u32, mut take: impl FnMut(&Incident)) {
@@ -64,54 +80,75 @@ impl Illumination {
                 let u = ((sample % per_side) as f32 + jitter(sample, 0)) / per_side as f32;
                 let v = ((sample / per_side) as f32 + jitter(sample, 1)) / per_side as f32;
                 let Some((mut incident, _)) = light.sample(position, u, v) else { continue };
-                if self.sees(position, incident.toward, incident.distance) {
-                    incident.irradiance /= (per_side * per_side) as f32;
-                    take(&incident);
-                }
+                incident.irradiance /= (per_side * per_side) as f32;
+                take(&incident);
             }
         }
     }
 
-    /// Radiance that a surface sends back along the ray that met it, from point and directional lights, one sample of each area light
-    /// and one ray to the environment. Emission is not in it: area lights are sampled as lights.
+    /// Light from the environment's small bright sources, whether or not surfaces are in the way: each has samples by its share of the
+    /// light and its size, `most` at the most, in strata of its own.
+    ///
+    /// Each `Incident::irradiance` is its share; `key` names the random numbers.
+    pub fn source_light(&self, most: u32, key: u32, mut take: impl FnMut(&Incident)) {
+        let Some(found) = self.environment.sources() else { return };
+        let from_map = self.environment.to_map().transpose();
+        for (index, source) in found.list.iter().enumerate() {
+            let samples = source.samples(self.face_width, most);
+            for sample in 0..samples {
+                let name = [SOURCE, key, index as u32, sample];
+                let u = (f64::from(sample) + unit(&name)) / f64::from(samples);
+                let Some((direction, energy)) = source.sample(&found.rest, u, hash(&name)) else { continue };
+                let irradiance = energy / samples as f32;
+                take(&Incident { toward: from_map * direction, distance: f32::INFINITY, irradiance });
+            }
+        }
+    }
+
+    /// One sample of one of the small bright sources, for a surface with this normal; its irradiance stands for all of them.
+    fn one_source(&self, normal: Vec3, key: u32) -> Option<Incident> {
+        let found = self.environment.sources()?;
+        let to_map = self.environment.to_map();
+        let numbers = |axis| unit(&[ONE_SOURCE, key, axis]);
+        let (source, chance) = sources::choose_one(&found.list, to_map * normal, numbers(0))?;
+        let (direction, energy) = source.sample(&found.rest, numbers(1), hash(&[ONE_SOURCE, key]))?;
+        let toward = to_map.transpose() * direction;
+        Some(Incident { toward, distance: f32::INFINITY, irradiance: energy / chance })
+    }
+
+    /// Radiance that a surface sends back along the ray that met it, from point and directional lights, one sample of each area light and
+    /// of one small bright source, and one ray to the environment. Emission is not in it: area lights are sampled as lights.
     pub fn reflected(&self, point: &SurfacePoint, key: u32, hair: &impl Fn(Vec3, Vec3, f32) -> f32) -> Vec3 {
         if point.albedo == Vec3::ZERO {
             return Vec3::ZERO;
         }
         let origin = point.leaving();
         let mut irradiance = Vec3::ZERO;
-        for incident in self.direct.iter().filter_map(|light| light.incident(origin)) {
+        let mut add = |incident: &Incident| {
             let cosine = incident.toward.dot(point.normal);
             if cosine > 0.0 && self.sees(origin, incident.toward, incident.distance) {
                 irradiance += incident.irradiance * (cosine * hair(origin, incident.toward, incident.distance));
             }
-        }
-        self.area_light(origin, 1, key, |incident| {
-            let cosine = incident.toward.dot(point.normal);
-            if cosine > 0.0 {
-                irradiance += incident.irradiance * (cosine * hair(origin, incident.toward, incident.distance));
-            }
-        });
+        };
+        self.direct.iter().filter_map(|light| light.incident(origin)).for_each(|incident| add(&incident));
+        self.area_light(origin, 1, key, &mut add);
+        self.one_source(point.normal, key).iter().for_each(add);
         irradiance += self.sky_sample(point, origin, key, hair);
         point.albedo * irradiance / PI
     }
 
-    /// Irradiance from the environment by one ray distributed as the cosine.
+    /// Irradiance from the environment, its small bright sources left out, by one ray.
     fn sky_sample(&self, point: &SurfacePoint, origin: Vec3, key: u32, hair: &impl Fn(Vec3, Vec3, f32) -> f32) -> Vec3 {
-        let [u, v] = [0, 1].map(|axis| to_unit(hash(&[SKY, key, axis])));
-        let (sin, cos) = (2.0 * PI * u).sin_cos();
-        let radius = v.sqrt();
-        let local = Vec3::new(radius * cos, radius * sin, (1.0 - v).sqrt());
-        let direction = frame_around(point.normal) * local;
-        let radiance = self.coarse_means[self.coarse.face_of(direction)];
-        if radiance == Vec3::ZERO || !self.sees(origin, direction, f32::INFINITY) {
+        let numbers = [0, 1, 2].map(|axis| to_unit(hash(&[SKY, key, axis])));
+        let Some((direction, irradiance)) = self.guide.sample(point.normal, numbers) else { return Vec3::ZERO };
+        if irradiance == Vec3::ZERO || !self.sees(origin, direction, f32::INFINITY) {
             return Vec3::ZERO;
         }
-        radiance * (PI * hair(origin, direction, f32::INFINITY))
+        irradiance * hair(origin, direction, f32::INFINITY)
     }
 
-    /// Mean radiance of the environment over the faces of the igloo that `new` was given, unturned.
+    /// Mean radiance of the environment over the faces of the igloo that `new` was given, unturned; small bright sources are not in it.
     pub fn means(&self) -> &[Vec3] {
-        &self.coarse_means
+        &self.means
     }
 }

@@ -1,9 +1,15 @@
 //! Λ: the light that arrives at a point from the rest of the scene, hair left out.
 
+pub mod distribution;
 pub mod environment;
 pub mod gather;
+pub mod guide;
 pub mod lights;
+pub mod map;
+pub mod sources;
 
 pub use environment::{Environment, Radiance};
 pub use gather::Illumination;
 pub use lights::{DirectLight, RectLight};
+pub use map::{Map, Mapping};
+pub use sources::Sources;

@@ -201,20 +201,19 @@ impl DepthMap {
         for row in 0..stride {
             let target = &mut buffer[row * stride..][..stride];
             let here = &corners[row * stride..][..stride];
-            for (target, here) in target.iter_mut().zip(here) {
-                *target = here[0];
-            }
-            for (target, left) in target[1..].iter_mut().zip(here) {
-                *target += left[1];
-            }
-            if row > 0 {
-                let above = &corners[(row - 1) * stride..][..stride];
-                for (target, above) in target.iter_mut().zip(above) {
-                    *target += above[2];
+            let left = &here[..stride - 1];
+            if row == 0 {
+                target[0] = here[0][0];
+                for ((target, here), left) in target[1..].iter_mut().zip(&here[1..]).zip(left) {
+                    *target = here[0] + left[1];
                 }
-                for (target, above) in target[1..].iter_mut().zip(above) {
-                    *target += above[3];
-                }
+                continue;
+            }
+            let above = &corners[(row - 1) * stride..][..stride];
+            target[0] = here[0][0] + above[0][2];
+            let all = target[1..].iter_mut().zip(&here[1..]).zip(left).zip(&above[1..]).zip(&above[..stride - 1]);
+            for ((((target, here), left), above), above_left) in all {
+                *target = here[0] + left[1] + above[2] + above_left[3];
             }
         }
     }

@@ -171,6 +171,18 @@ impl HairRays {
         self.single(&excluded, ray, limit(f64::from(residual))).map_or(0.0, left)
     }
 
+    /// What is left of the light along a ray by the rule of `crossings`, whose chance is decided by `chance` in (0, 1].
+    pub fn transmittance_by(&self, model: &HairModel, ray: &Ray, crossings: Crossings, chance: f64) -> f32 {
+        match crossings {
+            Crossings::Multiply { residual } => self.transmittance(model, ray, residual),
+            Crossings::Stochastic { roulette } => {
+                let excluded = self.exclusion(model, ray.on);
+                let limit = limit(f64::from(roulette) * chance);
+                self.single(&excluded, ray, limit).map_or(0.0, |depth| left(depth).max(roulette))
+            }
+        }
+    }
+
     /// Depth of a ray; none where it is beyond `limit`.
     fn single(&self, excluded: &Exclusion, ray: &Ray, limit: u64) -> Option<u64> {
         let mut depth = 0;

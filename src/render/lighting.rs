@@ -12,8 +12,9 @@ use crate::effects::Effects;
 use crate::embree::Device;
 use crate::hair::{OnStrand, StrandSample};
 use crate::hash::{hash, to_unit};
+use crate::illumination::lights::Incident;
 use crate::illumination::{Environment, Illumination};
-use crate::occlusion::{HairRays, Igloo, Receiver, Span, frame_around, raytraced};
+use crate::occlusion::{Crossings, HairRays, Igloo, Receiver, Span, frame_around, raytraced};
 use crate::scene::Scene;
 use crate::shading::{Highlight, KajiyaKay, Lambert};
 use crate::surface::SurfacePoint;
@@ -22,6 +23,10 @@ use crate::surface::SurfacePoint;
 const FACE: u32 = 0x4641_4345;
 /// Purpose of the random numbers of what a ray meets.
 const MET: u32 = 0x4D45_5421;
+/// Purpose of the random numbers that end rays to area lights and sources in hair.
+const TOWARD: u32 = 0x544F_5744;
+/// 2^32 divided by the golden ratio: its multiples modulo 2^32 are evenly spread.
+const GOLDEN: u32 = 0x9e37_79b9;
 
 /// What a face must pass on of a radiance of 1 for its surface to be lit: the faces left out add up to less than half a per cent.
 const WORTH_A_LOOK: f32 = 2e-5;
@@ -67,7 +72,12 @@ pub struct Lighting<'s> {
     estimator: Estimator,
     hair_rays: Option<HairRays>,
     residual: f32,
+    /// What crossings of hair do to rays towards area lights and small bright sources.
+    crossings: Crossings,
+    /// Samples along a side of an area light.
     area_samples: u32,
+    /// Samples of a small bright source at the most.
+    source_samples: u32,
     /// The igloo of hair: two hemispheres, unturned.
     sphere: Igloo,
     centers: Vec<Vec3>,
@@ -85,6 +95,7 @@ pub struct Workspace {
     far: Vec<f32>,
     gamma: Vec<f32>,
     hits: Vec<Option<SurfacePoint>>,
+    directions: Vec<Vec3>,
     means: Vec<Vec3>,
     /// The normal around which `means` was computed.
     means_normal: Vec3,
@@ -105,7 +116,7 @@ impl<'s> Lighting<'s> {
         let settings = &scene.description().occlusion;
         let hair_rays = effects.hair_rays.then(|| estimator::hair_rays(&device, scene)).transpose()?;
         let faces = settings.face_count();
-        let environment = Environment::new(scene.radiance.clone(), scene.to_map, faces);
+        let environment = Environment::new(scene.radiance.clone(), scene.sources.clone(), scene.to_map, faces);
         let light = Illumination::new(environment, scene.direct.clone(), scene.area.clone(), surfaces, faces);
         let sphere = Igloo::new(Span::Sphere, faces);
         let hemisphere = Igloo::new(Span::Hemisphere, faces);
@@ -125,6 +136,8 @@ impl<'s> Lighting<'s> {
             estimator: Estimator::build(scene, &sphere, &hemisphere),
             hair_rays,
             residual: settings.residual as f32,
+            crossings: estimator::ray_settings(settings, 1).crossings,
+            source_samples: scene.description().sampling.area_light_samples,
             area_samples: (scene.description().sampling.area_light_samples as f32).sqrt().ceil() as u32,
             sphere,
             centers,
@@ -153,13 +166,13 @@ impl<'s> Lighting<'s> {
         let in_directions = over_faces.with_highlight(narrow);
         let receiver = on_hair(sample);
         let mut lit = Lit { occlusion: 1.0, ..Lit::default() };
-        if self.arrives() {
+        if self.arrives() && self.scene.hair_objects[usize::from(object)].gather {
             self.look(&receiver, &self.sphere, key, space);
             self.occlude(&receiver, &self.sphere, key, space);
             let means = self.light.means();
             let reflect = |face: usize| over_faces.evaluate(self.centers[face]);
             self.sum_faces(&self.sphere, means, key, &space.hits, &space.gamma, &mut space.clock, reflect, &mut lit);
-            self.area(&receiver, &self.sphere, key, space, |direction| in_directions.evaluate(direction), &mut lit);
+            self.area(&receiver, key, space, |direction| in_directions.evaluate(direction), &mut lit);
         }
         self.direct(sample.position, Some(sample.on), space, |direction| in_directions.evaluate(direction), &mut lit);
         lit
@@ -188,7 +201,7 @@ impl<'s> Lighting<'s> {
             let reflect = |face: usize| lambert.evaluate(self.cosines[face]);
             let Workspace { means, hits, gamma, clock, .. } = space;
             self.sum_faces(&self.hemisphere, means, key, hits, gamma, clock, reflect, &mut lit);
-            self.area(&receiver, &self.hemisphere, key, space, cosine, &mut lit);
+            self.area(&receiver, key, space, cosine, &mut lit);
         }
         self.direct(receiver.position, None, space, cosine, &mut lit);
         lit
@@ -256,15 +269,18 @@ impl<'s> Lighting<'s> {
         space.far.resize(igloo.len(), f32::INFINITY);
         space.hits.clear();
         if self.effects.surfaces {
-            for face in 0..igloo.len() {
+            space.directions.clear();
+            space.directions.extend((0..igloo.len()).map(|face| {
                 let jitter = |axis| to_unit(hash(&[FACE, key, face as u32, axis]));
-                let direction = receiver.frame * igloo.direction(face, jitter(0), jitter(1));
-                let hit = self.light.nearest(receiver.position, direction);
+                receiver.frame * igloo.direction(face, jitter(0), jitter(1))
+            }));
+            let Workspace { far, hits, directions, .. } = space;
+            self.light.nearest(receiver.position, directions, |face, hit| {
                 if let Some(hit) = &hit {
-                    space.far[face] = hit.distance;
+                    far[face] = hit.distance;
                 }
-                space.hits.push(hit);
-            }
+                hits.push(hit);
+            });
         }
         space.clock.lambda += begin.elapsed();
     }
@@ -320,31 +336,48 @@ impl<'s> Lighting<'s> {
         clock.lambda += begin.elapsed();
     }
 
-    /// Area lights: their samples go through the Γ̄ of the faces in which they lie.
+    /// Area lights and the environment's small bright sources, through surfaces and hair by a ray a sample: Γ̄ of a face cannot tell where in
+    /// the face a light is.
     fn area(
         &self,
         receiver: &Receiver,
-        igloo: &Igloo,
         key: u32,
         space: &mut Workspace,
         reflect: impl Fn(Vec3) -> Vec3,
         lit: &mut Lit,
     ) {
-        if !self.effects.area_lights {
+        if !self.effects.area_lights && !self.effects.small_sources {
             return;
         }
         let begin = Instant::now();
-        let to_igloo = receiver.frame.transpose();
-        self.light.area_light(receiver.position, self.area_samples, key, |incident| {
-            let local = to_igloo * incident.toward;
-            if igloo.span() == Span::Hemisphere && local.z <= 0.0 {
+        let shift = hash(&[TOWARD, key]);
+        let mut ray = 0_u32;
+        let mut add = |incident: &Incident| {
+            let Incident { toward, distance, irradiance } = *incident;
+            let free = reflect(toward) * irradiance;
+            // Golden steps through all samples: neighbours get numbers far apart.
+            ray = ray.wrapping_add(GOLDEN);
+            if free == Vec3::ZERO || !self.light.sees(receiver.position, toward, distance) {
                 return;
             }
-            let free = reflect(incident.toward) * incident.irradiance;
-            lit.environment += free * space.gamma[igloo.face_of(local)];
+            let chance = (f64::from(ray.wrapping_add(shift)) + 1.0) / 4_294_967_296.0;
+            let along = raytraced::Ray { origin: receiver.position, direction: toward, far: distance, on: receiver.on };
+            lit.environment += free * self.occluded(&along, chance);
             lit.unoccluded += free;
-        });
+        };
+        self.light.area_light(receiver.position, self.area_samples, key, &mut add);
+        self.light.source_light(self.source_samples, key, &mut add);
         space.clock.lambda += begin.elapsed();
+    }
+
+    /// Γ along a ray: 1 without hair occlusion.
+    fn occluded(&self, ray: &raytraced::Ray, chance: f64) -> f32 {
+        match &self.hair_rays {
+            Some(hair) if !matches!(self.estimator, Estimator::Free) => {
+                hair.transmittance_by(&self.scene.hair, ray, self.crossings, chance)
+            }
+            _ => 1.0,
+        }
     }
 
     /// Point and directional lights, through hair by a ray of transmittance each.

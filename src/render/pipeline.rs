@@ -87,6 +87,7 @@ fn render_here(
         triangles: scene.surfaces.triangles() as u64,
         threads: rayon::current_num_threads(),
         effects: effects.list(),
+        notes: scene.notes.clone(),
         ..Statistics::default()
     };
     let mut lighting = Lighting::new(scene, effects)?;

@@ -51,6 +51,8 @@ pub struct Statistics {
     /// The first few of them.
     pub non_finite_examples: Vec<NonFinite>,
     pub effects: Vec<Effect>,
+    /// What was worth telling about the files that the scene names.
+    pub notes: Vec<String>,
     /// How hair occlusion was found, where its accuracy decided.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub occlusion: Option<Settled>,

@@ -136,6 +136,8 @@ pub struct Hair {
     /// Sharpness of the highlight: the exponent of Kajiya and Kay, without unit.
     #[schemars(range(min = 1.0, max = 10000.0))]
     pub exponent: f64,
+    /// Whether light from all around reaches it: environment, area lights and surfaces. If not, point and directional lights alone light it, as in renderers without global illumination.
+    pub gather: bool,
 }
 
 impl Default for Hair {
@@ -152,6 +154,7 @@ impl Default for Hair {
             color: None,
             specular: [0.1; 3],
             exponent: 60.0,
+            gather: true,
         }
     }
 }
@@ -336,8 +339,12 @@ impl Default for Plane {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Environment {
-    /// A lat-long picture (HDR, EXR or what else OpenImageIO reads), relative to the scene file. In a scene with y up its centre is +Z and u = 1/4 is +X.
+    /// A picture of all directions (HDR, EXR or what else OpenImageIO reads), relative to the scene file. In a scene with y up its centre is +Z; in a lat-long picture u = 1/4 is +X.
     pub file: Option<PathBuf>,
+    /// How a picture's pixels lie on the sphere.
+    pub mapping: EnvironmentMapping,
+    /// Whether small bright spots of a picture (suns, lamps) are taken out of it and lit as lights of their own, with sharp shadows through hair.
+    pub sources: EnvironmentSources,
     /// Instead: the same radiance from everywhere, in W/(m² sr), linear Rec.709.
     #[schemars(inner(range(min = 0.0, max = 1e20)))]
     pub color: Option<Triple>,
@@ -353,8 +360,40 @@ pub struct Environment {
 
 impl Default for Environment {
     fn default() -> Self {
-        Self { file: None, color: None, gradient: None, scale: 1.0, rotate: 0.0 }
+        Self {
+            file: None,
+            mapping: EnvironmentMapping::Auto,
+            sources: EnvironmentSources::Auto,
+            color: None,
+            gradient: None,
+            scale: 1.0,
+            rotate: 0.0,
+        }
     }
+}
+
+/// How the pixels of an environment's picture lie on the sphere.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum EnvironmentMapping {
+    /// By the picture's shape: lat-long where it is twice as wide as high, angular where it is square.
+    #[default]
+    Auto,
+    /// Columns are longitudes, rows latitudes.
+    LatLong,
+    /// Debevec's light probes: the angle to the centre's direction grows with the distance from the centre, to 180 degrees at the circle that touches the sides; +X is right of the centre, as in a mirror ball.
+    Angular,
+}
+
+/// What becomes of small bright spots of an environment's picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum EnvironmentSources {
+    /// Those that the igloo's faces would blur too much are lights: as many as it takes for those left to err by less than 3 % of the picture's light together, at most 16. Their samples are at most `sampling.area_light_samples` each.
+    #[default]
+    Auto,
+    /// They stay in the picture.
+    None,
 }
 
 /// A sky: radiance in W/(m² sr), linear in the sine of the elevation between the three.

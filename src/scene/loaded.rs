@@ -1,22 +1,20 @@
 //! The scene that is rendered: everything that a description names, loaded, checked and moved to render space.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{DAffine3, DVec3, Vec3};
 use thiserror::Error;
 
-use super::description::{self, Axis, Description, Gradient};
+use super::description::{self, Axis, Description, EnvironmentSources, Gradient};
+use super::environment;
 use super::space::RenderSpace;
 use super::{Document, Place};
 use crate::camera::Camera;
 use crate::hair::{HairModel, Strands, formats, grow};
-use crate::illumination::{DirectLight, Radiance, RectLight, environment::map_axes};
-use crate::image;
+use crate::illumination::{DirectLight, Radiance, RectLight, Sources, environment::map_axes};
 use crate::surface::{Mesh, SurfaceModel, obj, primitives};
 use crate::transform;
-
-/// Larger environment maps are refused, in bytes of all their channels as `f32`: 16384x4096 pixels of three.
-const MAX_MAP_BYTES: u64 = 768 << 20;
 
 /// A scene, ready to be rendered. Lengths and positions are in render space.
 #[derive(Debug)]
@@ -30,6 +28,8 @@ pub struct Scene {
     pub hair_objects: Vec<HairObject>,
     pub surfaces: SurfaceModel,
     pub radiance: Radiance,
+    /// Small bright sources of an environment map; none where there are none or the scene does not want them found.
+    pub sources: Option<Arc<Sources>>,
     /// From render space to the environment map's axes.
     pub to_map: glam::Mat3,
     pub direct: Vec<DirectLight>,
@@ -46,6 +46,8 @@ pub struct HairObject {
     pub specular: Vec3,
     /// Its exponent.
     pub exponent: f32,
+    /// Whether light from all around reaches it.
+    pub gather: bool,
 }
 
 /// Something that the scene file names cannot be used.
@@ -86,9 +88,22 @@ impl Scene {
             surfaces.add_light(light.corner, light.edge_u, light.edge_v, light.radiance);
         }
         let camera = loader.camera(&space)?;
-        let (radiance, to_map) = loader.environment()?;
+        let (radiance, sources, to_map) = loader.environment()?;
         let notes = loader.notes;
-        Ok(Self { space, camera, hair, hair_objects, surfaces, radiance, to_map, direct, area, notes, document })
+        Ok(Self {
+            space,
+            camera,
+            hair,
+            hair_objects,
+            surfaces,
+            radiance,
+            sources,
+            to_map,
+            direct,
+            area,
+            notes,
+            document,
+        })
     }
 
     /// What the user wrote.
@@ -316,6 +331,7 @@ impl Loader<'_> {
             name: name.clone(),
             specular: vec3(description.specular),
             exponent: description.exponent as f32,
+            gather: description.gather,
         });
         if degenerate > 0 {
             self.notes.push(format!("{name}: {degenerate} segments without length are not drawn"));
@@ -360,42 +376,27 @@ impl Loader<'_> {
         Camera::new(position, target, up, camera.fov, camera.resolution, near).map_err(|e| self.error("camera", e))
     }
 
-    fn environment(&mut self) -> Result<(Radiance, glam::Mat3), AssetError> {
+    fn environment(&mut self) -> Result<(Radiance, Option<Arc<Sources>>, glam::Mat3), AssetError> {
         let environment = self.description().environment.clone();
         let scale = environment.scale as f32;
         let to_map = map_axes(up_axis(self.description().up).as_vec3(), environment.rotate);
+        let mut sources = None;
         let radiance = if let Some(file) = &environment.file {
-            self.environment_map(&self.document.resolve(file), scale)?
+            let path = self.document.resolve(file);
+            let loaded = environment::load(&path, environment.mapping, scale);
+            let (map, notes) = loaded.map_err(|e| self.error(e.key, e.message))?;
+            self.notes.extend(notes);
+            if environment.sources == EnvironmentSources::Auto {
+                sources = environment::sources(&path, &map, self.description().occlusion.face_count(), &mut self.notes);
+            }
+            Radiance::Map(map)
         } else if let Some(Gradient { zenith, horizon, nadir }) = environment.gradient {
             let [zenith, horizon, nadir] = [zenith, horizon, nadir].map(|color| vec3(color) * scale);
             Radiance::Gradient { zenith, horizon, nadir }
         } else {
             Radiance::Uniform(vec3(environment.color.unwrap_or_default()) * scale)
         };
-        Ok((radiance, to_map))
-    }
-
-    fn environment_map(&mut self, path: &Path, scale: f32) -> Result<Radiance, AssetError> {
-        let key = "environment.file";
-        let rgb = image::read(path, &image::Limits { max_bytes: MAX_MAP_BYTES })
-            .and_then(|image| image.rgb())
-            .map_err(|e| self.error(key, e))?;
-        let mut mended = 0_usize;
-        let mut clean = |value: f32| {
-            let sound = value.is_finite() && value >= 0.0;
-            mended += usize::from(!sound);
-            // Infinities and what overflows become the largest half: bright, but its sums stay finite.
-            if value.is_nan() || value < 0.0 { 0.0 } else { (value * scale).min(65_504.0 * scale.max(1.0)) }
-        };
-        // By value: the vector is reused, so that a large map is held once.
-        let pixels: Vec<Vec3> = rgb.pixels.into_iter().map(|p| Vec3::from_array(p.map(&mut clean))).collect();
-        if mended > 0 {
-            self.notes.push(format!(
-                "{}: {mended} values are negative or not finite; they are taken as 0 (infinities as 65504)",
-                path.display()
-            ));
-        }
-        Ok(Radiance::Map { width: rgb.width as usize, height: rgb.height as usize, pixels })
+        Ok((radiance, sources, to_map))
     }
 }
 

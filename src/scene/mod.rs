@@ -3,6 +3,7 @@
 mod check;
 pub mod description;
 pub mod document;
+mod environment;
 pub mod frame;
 pub mod keypath;
 pub mod loaded;

@@ -263,6 +263,9 @@ impl Validator<'_> {
         } else if environment.file.is_none() {
             self.no_effect(&path, &["rotate"], "on an environment that is the same all round");
         }
+        if environment.file.is_none() {
+            self.no_effect(&path, &["mapping", "sources"], "without environment.file");
+        }
     }
 
     fn lights(&mut self) {

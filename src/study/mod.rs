@@ -1,6 +1,8 @@
-//! Studies of a scene: what the renderer's estimators are worth on it. They look at a few shading points closely and make no picture.
+//! Studies of a scene: what the renderer's estimators and settings are worth on it, at single shading points and in whole pictures.
 
 pub mod crosscheck;
+pub mod figure;
+pub mod mosaic;
 pub mod plot;
 pub mod report;
 pub mod statistics;

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::Mesh;
-use crate::embree::{Device, Error, TriangleScene};
+use crate::embree::{Device, Error, TriangleHit, TriangleScene};
 
 /// What a triangle is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -119,7 +119,16 @@ impl SurfacePoint {
 impl Surfaces {
     /// The first surface along a ray with unit direction, nearer than `far`.
     pub fn closest(&self, origin: Vec3, direction: Vec3, near: f32, far: f32) -> Option<SurfacePoint> {
-        let hit = self.scene.closest(origin, direction, near, far)?;
+        self.scene.closest(origin, direction, near, far).map(|hit| self.point(&hit, direction))
+    }
+
+    /// The first surfaces along rays of unit direction from one point, as [`TriangleScene::closest_from`] gives them.
+    pub fn closest_from(&self, origin: Vec3, directions: &[Vec3], mut take: impl FnMut(usize, Option<SurfacePoint>)) {
+        self.scene.closest_from(origin, directions, |i, hit| take(i, hit.map(|hit| self.point(&hit, directions[i]))));
+    }
+
+    /// What a ray with unit direction meets there.
+    fn point(&self, hit: &TriangleHit, direction: Vec3) -> SurfacePoint {
         let corners = self.scene.triangles()[hit.triangle as usize].map(|v| v as usize);
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
         let mix = |values: &[Vec3]| (0..3).map(|i| values[corners[i]] * weights[i]).sum::<Vec3>();
@@ -131,7 +140,7 @@ impl Surfaces {
         let normal = if smooth.dot(direction) < 0.0 { smooth } else { flat_normal };
         let finish = self.finish[hit.triangle as usize];
         let Finish { albedo, emission } = self.finishes[finish as usize];
-        Some(SurfacePoint {
+        SurfacePoint {
             distance: hit.distance,
             // From the corners, not along the ray: its error does not grow with the distance.
             position: mix(self.scene.positions()),
@@ -141,7 +150,7 @@ impl Surfaces {
             finish,
             albedo,
             emission: if outside { emission } else { Vec3::ZERO },
-        })
+        }
     }
 
     /// Whether anything lies on a ray with unit direction between `near` and `far`.
