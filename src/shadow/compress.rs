@@ -66,7 +66,8 @@ impl Wedge {
         if run <= 0.0 {
             return (self.left - value).abs() <= error;
         }
-        let low = self.low.max((value - error - self.left) / run);
+        // Below 0 no line may end: to lift its end there afterwards would turn it out of the wedge.
+        let low = self.low.max(((value - error).max(0.0) - self.left) / run);
         let high = self.high.min((value + error - self.left) / run);
         if low > high {
             return false;
@@ -78,7 +79,7 @@ impl Wedge {
     /// The end of the middle line, as the beginning of the next.
     fn end(&self) -> Self {
         let slope = 0.5 * (self.low + self.high);
-        Self::at(self.last, (self.left + slope * (self.last - self.depth)).clamp(0.0, 1.0))
+        Self::at(self.last, (self.left + slope * (self.last - self.depth)).max(0.0))
     }
 
     fn node(&self) -> Node {
