@@ -188,7 +188,9 @@ impl From<RenderError> for Failure {
         match error {
             RenderError::Cancelled => Failure::Interrupted,
             // Memory that is not to be had for what the scene asks.
-            RenderError::Bins(_) | RenderError::Threads { .. } => Failure::Input(error.to_string()),
+            RenderError::Bins(_) | RenderError::ShadowMap { .. } | RenderError::Threads { .. } => {
+                Failure::Input(error.to_string())
+            }
             RenderError::Embree(_) => Failure::Bug(error.to_string()),
         }
     }

@@ -9,7 +9,7 @@ use std::f32::consts::PI;
 use glam::Vec3;
 
 use super::guide::Guide;
-use super::{DirectLight, Environment, RectLight, lights::Incident, sources};
+use super::{Environment, Lamp, RectLight, lights::Incident, sources};
 use crate::hash::{hash, to_unit, unit};
 use crate::igloo::{Igloo, Span};
 use crate::surface::{SurfacePoint, Surfaces};
@@ -24,7 +24,7 @@ const ONE_SOURCE: u32 = 0x4F4E_4521;
 #[derive(Debug)]
 pub struct Illumination {
     pub environment: Environment,
-    pub direct: Vec<DirectLight>,
+    pub direct: Vec<Lamp>,
     pub area: Vec<RectLight>,
     pub surfaces: Option<Surfaces>,
     /// The environment's averages over the igloo of hair.
@@ -39,7 +39,7 @@ impl Illumination {
     /// Light of a scene, the environment averaged over `faces` faces a hemisphere; rays that leave surfaces see it blurred to as many or fewer.
     pub fn new(
         environment: Environment,
-        direct: Vec<DirectLight>,
+        direct: Vec<Lamp>,
         area: Vec<RectLight>,
         surfaces: Option<Surfaces>,
         faces: u32,
@@ -116,7 +116,7 @@ impl Illumination {
         Some(Incident { toward, distance: f32::INFINITY, irradiance: energy / chance })
     }
 
-    /// Radiance that a surface sends back along the ray that met it, from point and directional lights, one sample of each area light and
+    /// Radiance that a surface sends back along the ray that met it, from lights without extent, one sample of each area light and
     /// of one small bright source, and one ray to the environment. Emission is not in it: area lights are sampled as lights.
     pub fn reflected(&self, point: &SurfacePoint, key: u32, hair: &impl Fn(Vec3, Vec3, f32) -> f32) -> Vec3 {
         if point.albedo == Vec3::ZERO {
@@ -124,15 +124,18 @@ impl Illumination {
         }
         let origin = point.leaving();
         let mut irradiance = Vec3::ZERO;
-        let mut add = |incident: &Incident| {
+        let mut add = |incident: &Incident, blocked: bool| {
             let cosine = incident.toward.dot(point.normal);
-            if cosine > 0.0 && self.sees(origin, incident.toward, incident.distance) {
-                irradiance += incident.irradiance * (cosine * hair(origin, incident.toward, incident.distance));
+            if cosine > 0.0 && (!blocked || self.sees(origin, incident.toward, incident.distance)) {
+                let left = if blocked { hair(origin, incident.toward, incident.distance) } else { 1.0 };
+                irradiance += incident.irradiance * (cosine * left);
             }
         };
-        self.direct.iter().filter_map(|light| light.incident(origin)).for_each(|incident| add(&incident));
-        self.area_light(origin, 1, key, &mut add);
-        self.one_source(point.normal, key).iter().for_each(add);
+        for lamp in &self.direct {
+            lamp.light.incident(origin).iter().for_each(|incident| add(incident, lamp.blocked));
+        }
+        self.area_light(origin, 1, key, |incident| add(incident, true));
+        self.one_source(point.normal, key).iter().for_each(|incident| add(incident, true));
         irradiance += self.sky_sample(point, origin, key, hair);
         point.albedo * irradiance / PI
     }

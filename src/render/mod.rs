@@ -8,6 +8,7 @@ mod lighting;
 pub mod output;
 mod pipeline;
 pub mod progress;
+mod shadows;
 pub mod statistics;
 mod tile;
 
@@ -16,4 +17,5 @@ pub use draw::{Drawn, Place, ShadingPoint, draw};
 pub use film::Film;
 pub use lighting::{Around, Lighting, Workspace};
 pub use pipeline::{Options, RenderError, render, with_threads};
+pub use shadows::Made;
 pub use statistics::Statistics;

@@ -15,6 +15,7 @@ use crate::effects::Effects;
 use crate::embree;
 use crate::fragment::{BinError, Bins, PixelRect, TileGrid, assign};
 use crate::scene::Scene;
+use crate::shadow::MapError;
 
 /// Pixels along a tile's side.
 const TILE: u32 = 16;
@@ -28,6 +29,8 @@ pub enum RenderError {
     Embree(#[from] embree::Error),
     #[error(transparent)]
     Bins(#[from] BinError),
+    #[error("{light}: {source}")]
+    ShadowMap { light: String, source: MapError },
     #[error("cannot start {threads} threads: {message}")]
     Threads { threads: usize, message: String },
 }
@@ -91,6 +94,7 @@ fn render_here(
         ..Statistics::default()
     };
     let mut lighting = Lighting::new(scene, effects)?;
+    statistics.shadow_maps = lighting.maps().to_vec();
     statistics.stage("building", begin.elapsed());
     let begin = Instant::now();
     statistics.occlusion = settle(&mut lighting, progress)?;

@@ -5,6 +5,7 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::calibration::Settled;
+use super::shadows::Made;
 use crate::effects::Effect;
 
 /// A value that was not finite, and where.
@@ -56,6 +57,9 @@ pub struct Statistics {
     /// How hair occlusion was found, where its accuracy decided.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub occlusion: Option<Settled>,
+    /// The shadow maps of lights that asked for them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub shadow_maps: Vec<Made>,
     /// Mean of the picture, linear Rec.709.
     pub mean: [f32; 3],
 }

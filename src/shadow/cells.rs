@@ -4,6 +4,8 @@
 //! function is the product of its strands, which takes them as independent inside the cell; the pixel's is the mean of its cells. Finer cells
 //! leave less to independence. Pieces of one strand that follow each other cover different parts of a cell: their shares add up.
 
+use glam::DVec2;
+
 use super::compress::Node;
 use super::view::View;
 use crate::camera::Projection;
@@ -42,6 +44,8 @@ impl Source<'_> {
         let n = self.per_side;
         let cells = PixelRect { min: pixels.min.map(|x| x * n), max: pixels.max.map(|x| x * n) };
         let columns = pixels.max[0] - pixels.min[0];
+        // The image's middle is its centre.
+        let side = 0.5 / self.projection.center.x;
         pieces.clear();
         for &index in segments {
             let p = self.model.segment_point[index as usize] as usize;
@@ -53,7 +57,8 @@ impl Source<'_> {
             let segment = self.view.segment(self.image, self.model, index);
             scan_convert(&segment, &self.projection, &cells, |x, y, fragment| {
                 let pixel = (y / n - pixels.min[1]) * columns + x / n - pixels.min[0];
-                let depth = self.view.depth(self.image, self.model, index, fragment.u);
+                let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) * side;
+                let depth = self.view.counted_from(self.image, self.model, &fragment, at);
                 let cell = y % n * n + x % n;
                 pieces.push(Piece { pixel, cell, segment: index, depth, blocked: fragment.coverage * opacity });
             });

@@ -59,12 +59,7 @@ impl DeepMap {
     ///
     /// # Errors
     /// Memory: lists that do not fit, or a map that is too large even when small.
-    pub fn build(
-        view: View,
-        model: &HairModel,
-        rule: Transmittance,
-        settings: &Settings,
-    ) -> Result<Self, MapError> {
+    pub fn build(view: View, model: &HairModel, rule: Transmittance, settings: &Settings) -> Result<Self, MapError> {
         let first = first_resolution(&view, model, settings);
         let mut map = Self { view, settings: *settings, resolution: first, halvings: 0, tiles: Vec::new() };
         while !map.fill(model, rule)? {
@@ -98,7 +93,8 @@ impl DeepMap {
                     .with_max_len(1)
                     .map_init(Buffers::default, |buffers, index| {
                         let segments = bins.tile(index);
-                        (!segments.is_empty()).then(|| buffers.tile(&source, segments, &pixels.tile(index), &self.settings))
+                        (!segments.is_empty())
+                            .then(|| buffers.tile(&source, segments, &pixels.tile(index), &self.settings))
                     })
                     .collect();
                 self.tiles.extend(tiles);
@@ -147,11 +143,11 @@ impl DeepMap {
     /// What hair leaves of the lamp's light at a point: the mean over the pixels around it.
     pub fn transmittance(&self, point: &Point) -> f32 {
         let Some(seen) = self.view.see(point.position) else { return 1.0 };
-        let reach = (f64::from(self.settings.filter) + 0.5) * seen.width / f64::from(self.resolution);
-        let depth = (seen.depth - point.bias(&seen, reach)) as f32;
+        let own = point.own(&self.view, &seen);
         let mut sum = 0.0;
         self.around(&seen, |x, y, weight| {
-            sum += weight * f64::from(value(self.function(seen.image, x, y), depth));
+            let depth = seen.depth - own.map_or(0.0, |own| seen.of_pixel(self.resolution, x, y, |o, h| own.bias(o, h)));
+            sum += weight * f64::from(value(self.function(seen.image, x, y), depth as f32));
         });
         sum as f32
     }

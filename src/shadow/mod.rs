@@ -7,8 +7,8 @@
 mod cells;
 mod compress;
 mod deep;
-mod plain;
 mod filter;
+mod plain;
 mod receiver;
 mod view;
 
@@ -49,7 +49,7 @@ impl Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { resolution: None, samples: 4, error: 0.004, filter: 1.0, most_bytes: Self::MOST_BYTES }
+        Self { resolution: None, samples: 16, error: 0.004, filter: 1.0, most_bytes: Self::MOST_BYTES }
     }
 }
 

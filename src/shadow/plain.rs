@@ -1,5 +1,5 @@
 //! Plain shadow maps: the depth of the nearest hair a pixel (Williams 1978), looked up with percentage-closer filtering. For comparison only:
-//! a pixel is either lit or dark, so that transparency and hair thinner than a pixel come out as noise, and nothing behind the first hair differs.
+//! a pixel is either lit or dark, by the chance of what hair blocks there: the mean is right, but transparency and hair thinner than a pixel come out as noise.
 
 use rayon::prelude::*;
 
@@ -35,12 +35,7 @@ impl ShadowMap {
     ///
     /// # Errors
     /// Memory.
-    pub fn build(
-        view: View,
-        model: &HairModel,
-        rule: Transmittance,
-        settings: &Settings,
-    ) -> Result<Self, MapError> {
+    pub fn build(view: View, model: &HairModel, rule: Transmittance, settings: &Settings) -> Result<Self, MapError> {
         let mut resolution = first_resolution(&view, model, settings);
         let mut halvings = 0;
         while resolution as usize * resolution as usize * view.images() * 4 > settings.most_bytes && resolution > TILE {
@@ -89,14 +84,14 @@ impl ShadowMap {
     pub fn transmittance(&self, point: &Point) -> f32 {
         let Some(seen) = self.view.see(point.position) else { return 1.0 };
         let size = f64::from(self.resolution);
-        let reach = (f64::from(self.filter) + 0.5) * seen.width / size;
-        let depth = (seen.depth - point.bias(&seen, reach)) as f32;
+        let own = point.own(&self.view, &seen);
         let columns = self.resolution / TILE;
         let mut sum = 0.0;
         filter::around(seen.at * size, f64::from(self.filter), self.resolution, |x, y, weight| {
             let tile = (seen.image as u32 * columns + y / TILE) * columns + x / TILE;
             let nearest = self.depths[(tile * TILE * TILE + y % TILE * TILE + x % TILE) as usize];
-            sum += if nearest < depth { 0.0 } else { weight };
+            let depth = seen.depth - own.map_or(0.0, |own| seen.of_pixel(self.resolution, x, y, |o, h| own.bias(o, h)));
+            sum += if f64::from(nearest) < depth { 0.0 } else { weight };
         });
         sum as f32
     }

@@ -1,8 +1,8 @@
 //! What asks for its light: a point on a strand or on a surface, and how far before it hair begins to count.
 
-use glam::Vec3;
+use glam::{DVec2, Vec3};
 
-use super::view::Seen;
+use super::view::{Seen, View};
 use crate::hair::{OnStrand, SELF_WIDTHS, StrandSample};
 
 /// A point that is lit.
@@ -24,42 +24,76 @@ impl Point {
         Self { position, hair: None }
     }
 
-    /// How much nearer to the lamp than the point hair must be to count, in depth.
-    ///
-    /// A strand that leans towards the lamp lies before its own point in the pixels beside it, by `reach` times the cotangent of its
-    /// angle with the ray, where `reach` is how far from the point a pixel that counts can reach. By the rule of rays nothing of the own
-    /// strand counts within `SELF_WIDTHS` widths of it, which bounds the same; and nothing counts within one width. So the bias is
-    ///
-    ///   max(width, min(reach · cot, `SELF_WIDTHS` · width · cos)) · cosine to the image's axis.
-    ///
-    /// Hair of other strands between one width and the bias is lost: of an optical depth κ a unit length, κ (bias - width). It goes to
-    /// zero with the pixel, and is at most 3 widths.
-    pub(super) fn bias(&self, seen: &Seen, reach: f64) -> f64 {
-        let Some((on, tangent)) = self.hair else { return 0.0 };
+    /// How its own strand lies in a lamp's image; none on a surface.
+    pub(super) fn own(&self, view: &View, seen: &Seen) -> Option<Own> {
+        let (on, tangent) = self.hair?;
+        let (drift, depth) = view.drift(seen, tangent);
+        let length = drift.length().max(1e-9);
         let width = f64::from(on.width);
-        let along = f64::from(tangent.dot(seen.ray)).abs().min(1.0);
-        let across = (1.0 - along * along).sqrt();
-        let slope = reach * along / across.max(1e-9);
-        width.max(slope.min(f64::from(SELF_WIDTHS) * width * along)) * seen.cosine
+        Some(Own {
+            along: drift / length,
+            slope: depth / length,
+            most: f64::from(SELF_WIDTHS) * width * depth.abs(),
+            held_back: width * seen.cosine,
+            beside: width / seen.cosine,
+            slant: 0.5 * width * (1.0 - seen.cosine * seen.cosine) / seen.cosine,
+        })
+    }
+}
+
+/// A point's own strand in a lamp's image, as a straight line.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Own {
+    /// Unit vector along it, x right and y down.
+    along: DVec2,
+    /// Depth that it gains a unit of length across the ray.
+    slope: f64,
+    /// Depth over which it does not count.
+    most: f64,
+    /// How much further from the lamp the map holds it.
+    held_back: f64,
+    /// Distance from the line within which a pixel may hold some of it: half of its width in the image, twice, for strands that bend.
+    beside: f64,
+    /// How much further along the line a ray off the image's axis may meet the ribbon's border, which faces the ray, not the image.
+    slant: f64,
+}
+
+impl Own {
+    /// How much nearer to the lamp than the point hair in a pixel must be to count, in depth.
+    ///
+    /// A strand that leans towards the lamp lies before its own point in the pixels on that side. `offset` leads from the point to the
+    /// pixel's middle, `half` is half the pixel's side, in lengths at the point's depth. Where the strand is in the pixel it comes as
+    /// near to the lamp as its slope says at the pixel's border; by the rule of rays nothing of it counts within `SELF_WIDTHS` widths
+    /// of arc, which bounds the same; and the map holds hair as if it were a width further from the lamp ([`View::counted_from`]).
+    ///
+    /// Hair of other strands nearer than that is lost: of an optical depth κ a unit length, κ times this. It goes to zero with the
+    /// pixel, and is at most three widths of it.
+    pub fn bias(&self, offset: DVec2, half: f64) -> f64 {
+        let reach = half * (self.along.x.abs() + self.along.y.abs());
+        if self.along.perp_dot(offset).abs() > reach + self.beside {
+            return 0.0;
+        }
+        let nearer = (reach + self.slant) * self.slope.abs() - self.along.dot(offset) * self.slope;
+        (nearer.min(self.most) - self.held_back).max(0.0)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec2;
 
     #[test]
-    fn the_bias_grows_with_the_lean_up_to_the_rule_of_rays() {
-        let seen = Seen { image: 0, at: DVec2::ZERO, depth: 0.0, width: 1.0, ray: Vec3::Z, cosine: 1.0 };
-        let bias = |lean: f32, reach| {
-            let tangent = Vec3::new(lean.sin(), 0.0, -lean.cos());
-            let on = OnStrand { strand: 0, arc: 0.0, width: 0.5 };
-            Point { position: Vec3::ZERO, hair: Some((on, tangent)) }.bias(&seen, reach)
+    fn the_bias_is_where_the_strand_leans_to_and_bounded_by_the_rule_of_rays() {
+        // Width 0.5; to the right the strand goes away from the lamp.
+        let own = |slope: f64| {
+            let depth = slope / (1.0 + slope * slope).sqrt();
+            Own { along: DVec2::X, slope, most: 4.0 * 0.5 * depth, held_back: 0.5, beside: 0.25, slant: 0.0 }
         };
-        assert!((bias(1.4, 0.1) - 0.5).abs() < 1e-6, "across the ray a width");
-        assert!((bias(0.1, 0.1) - 0.1 / 0.1_f64.tan()).abs() < 1e-4, "leaning, the slope");
-        assert!((bias(0.0, 0.1) - 2.0).abs() < 1e-6, "along the ray four widths");
-        assert_eq!(Point::on_surface(Vec3::ZERO).bias(&seen, 9.0), 0.0);
+        let bias = |slope, x, y| own(slope).bias(DVec2::new(x, y), 0.1);
+        assert_eq!(bias(0.1, 0.0, 0.0), 0.0, "across the ray none");
+        assert_eq!(bias(5.0, 0.2, 0.0), 0.0, "none where it lies behind");
+        assert!((bias(5.0, -0.1, 0.2) - (5.0 * 0.2 - 0.5)).abs() < 1e-12, "before it, to the pixel's border");
+        assert_eq!(bias(5.0, -0.1, 0.36), 0.0, "none beside it");
+        assert!((bias(1e6, -0.2, 0.0) - 1.5).abs() < 1e-6, "along the ray three widths");
     }
 }

@@ -6,7 +6,7 @@
 use glam::{DVec2, DVec3, Vec3};
 
 use crate::camera::Projection;
-use crate::fragment::HairSegment;
+use crate::fragment::{HairFragment, HairSegment};
 use crate::hair::HairModel;
 
 /// The part of an image that stays free around the hair, as a share of its half width.
@@ -55,6 +55,15 @@ pub struct Seen {
     pub cosine: f64,
 }
 
+impl Seen {
+    /// Calls `take` with the way from here to the middle of a pixel and half the pixel's side, in lengths at this depth.
+    pub(super) fn of_pixel<T>(&self, resolution: u32, x: u32, y: u32, take: impl FnOnce(DVec2, f64) -> T) -> T {
+        let side = self.width / f64::from(resolution);
+        let middle = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) * side;
+        take(middle - self.at * self.width, 0.5 * side)
+    }
+}
+
 fn frame(axis: DVec3) -> [DVec3; 3] {
     let right = axis.any_orthonormal_vector();
     [right, right.cross(axis), axis]
@@ -62,9 +71,10 @@ fn frame(axis: DVec3) -> [DVec3; 3] {
 
 /// The middle of the hair's box, and the radius of a sphere around it that holds all hair.
 fn ball(model: &HairModel) -> (DVec3, f64) {
-    let (low, high) = model.points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| {
-        (low.min(p.as_dvec3()), high.max(p.as_dvec3()))
-    });
+    let (low, high) = model
+        .points
+        .iter()
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p.as_dvec3()), high.max(p.as_dvec3())));
     if low.x > high.x {
         return (DVec3::ZERO, 1.0);
     }
@@ -143,6 +153,13 @@ impl View {
         inside.then_some(Seen { image, at, depth: here.z - self.base, width: 2.0 * scale, ray, cosine })
     }
 
+    /// How a point that moves in a unit direction drifts across the ray that it is seen along, x right and y down, and how its depth grows.
+    pub(super) fn drift(&self, seen: &Seen, direction: Vec3) -> (DVec2, f64) {
+        let [x, y, z] = self.frames[seen.image].map(|axis| direction.as_dvec3().dot(axis));
+        let slant = if self.parallel { DVec2::ZERO } else { (2.0 * seen.at - 1.0) * self.half };
+        (DVec2::new(x, -y) - slant * z, z)
+    }
+
     /// The point at a place and depth of an image.
     pub fn point(&self, image: usize, at: DVec2, depth: f64) -> Vec3 {
         let [right, up, axis] = self.frames[image];
@@ -166,10 +183,29 @@ impl View {
         HairSegment { ends, widths: model.widths(index as usize), index }
     }
 
-    /// Depth of the point at `u` of a segment, less the base.
-    pub fn depth(&self, image: usize, model: &HairModel, index: u32, u: f32) -> f32 {
-        let [a, b] = model.ends(index as usize).map(|end| self.in_frame(image, end).z - self.base);
-        (a + (b - a) * f64::from(u)) as f32
+    /// Depth, less the base, from which on a fragment of a segment is in the way of the ray through a place of the image: one width of it
+    /// behind it, along the ray. No estimator counts hair nearer than its own width (see [`crate::hair::OnStrand`]).
+    pub fn counted_from(&self, image: usize, model: &HairModel, fragment: &HairFragment, at: DVec2) -> f32 {
+        let index = fragment.segment as usize;
+        let [a, b] = model.ends(index).map(|end| self.in_frame(image, end));
+        let mut u = f64::from(fragment.u);
+        let mut cosine = 1.0;
+        if !self.parallel {
+            let ray = DVec3::new((2.0 * at.x - 1.0) * self.half, (1.0 - 2.0 * at.y) * self.half, 1.0).normalize();
+            cosine = ray.z;
+            // A ribbon faces the ray, not the image: where the ray is off the image's axis and passes beside the middle line, it is met
+            // where the line comes nearest to the ray.
+            let beside = |v: DVec3| v - ray * v.dot(ray);
+            let (start, way) = (beside(a), beside(b - a));
+            let nearest = -start.dot(way) / way.length_squared();
+            if nearest.is_finite() {
+                let half = 0.5 * f64::from(fragment.span);
+                u = nearest.clamp(u - half, u + half);
+            }
+        }
+        let [first, second] = model.widths(index).map(f64::from);
+        let depth = a.z + (b.z - a.z) * u - self.base;
+        (depth + (first + (second - first) * u) * cosine) as f32
     }
 
     /// Pixels a side for an image whose pixels are as wide as the hair, in the middle of it.
@@ -231,6 +267,21 @@ mod tests {
     }
 
     #[test]
+    fn drift_is_the_derivative_of_the_place() {
+        let model = model();
+        let direction = Vec3::new(0.48, -0.6, 0.64);
+        for (n, view) in views(&model).iter().enumerate() {
+            for p in [Vec3::new(0.05, -0.1, 0.15), Vec3::new(-0.15, 0.1, -0.02)] {
+                let (Some(here), Some(there)) = (view.see(p), view.see(p + 1e-3 * direction)) else { panic!("{n}") };
+                let (drift, depth) = view.drift(&here, direction);
+                let size = 1e-3 * view.origin.length().max(1.0);
+                assert!(((there.at - here.at) * here.width * 1e3 - drift).length() < 0.03 + size, "view {n}: {drift}");
+                assert!(((there.depth - here.depth) * 1e3 - depth).abs() < 1e-3 + size, "view {n}: {depth}");
+            }
+        }
+    }
+
+    #[test]
     fn all_hair_is_in_the_image_and_segments_project_as_points_do() {
         let model = model();
         for (n, view) in views(&model).iter().enumerate() {
@@ -248,7 +299,9 @@ mod tests {
                     let p = segment.ends[0] + (segment.ends[1] - segment.ends[0]) * u;
                     let pixel = projection.pixel(p.as_dvec3());
                     assert!((pixel - seen.at * 1000.0).length() < 0.01, "view {n}: {pixel} {}", seen.at);
-                    assert!((f64::from(view.depth(image, &model, index, u)) - seen.depth).abs() < 1e-5 * view.base.max(1.0));
+                    let fragment = HairFragment { depth: 0.0, coverage: 1.0, segment: index, u, span: 0.1 };
+                    let behind = f64::from(view.counted_from(image, &model, &fragment, seen.at)) - seen.depth;
+                    assert!((behind - 0.01 * seen.cosine).abs() < 1e-5 * view.base.max(1.0), "view {n}: {behind}");
                 }
             }
         }
