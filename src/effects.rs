@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::scene::description::{IndirectMode, Layer, OcclusionMode};
+use crate::scene::description::{IndirectMode, Layer, OcclusionMode, Shadows};
 use crate::scene::{HairShading, Scene};
 
 /// One effect, and why it is on or off.
@@ -26,8 +26,14 @@ pub struct Effects {
     pub small_sources: bool,
     /// Light comes from area lights.
     pub area_lights: bool,
-    /// Light comes from point or directional lights.
+    /// Light comes from point, spot or directional lights.
     pub direct_lights: bool,
+    /// Some of these have ray-traced shadows.
+    pub raytraced_shadows: bool,
+    /// Some have deep shadow maps of hair.
+    pub deep_maps: bool,
+    /// Some have plain shadow maps of hair.
+    pub shadow_maps: bool,
     /// Surfaces reflect light on hair and on each other.
     pub reflection: bool,
     /// More than one reflection counts: a photon map.
@@ -60,6 +66,8 @@ impl Effects {
         let small_sources = scene.sources.is_some();
         let area_lights = !scene.area.is_empty();
         let direct_lights = !scene.direct.is_empty();
+        let shadowed_by = |mode| scene.shadows.iter().any(|shadows| shadows.mode == mode);
+        let raytraced_shadows = shadowed_by(Shadows::Raytraced) && (hair || surfaces);
         let reflection = description.indirect.mode != IndirectMode::None
             && surfaces
             && (environment || area_lights || direct_lights)
@@ -78,6 +86,9 @@ impl Effects {
             small_sources,
             area_lights,
             direct_lights,
+            raytraced_shadows,
+            deep_maps: hair && shadowed_by(Shadows::DeepMap),
+            shadow_maps: hair && shadowed_by(Shadows::Map),
             reflection,
             photons: reflection && description.indirect.mode == IndirectMode::Photons,
             projected_occlusion: occluded && mode != OcclusionMode::Raytraced,
@@ -86,7 +97,7 @@ impl Effects {
             hair_rays: hair
                 && (raytraced_occlusion
                     || calibration
-                    || direct_lights
+                    || raytraced_shadows
                     || (reflection || area_lights || small_sources) && mode != OcclusionMode::None),
             kajiya_kay: shaded(|shading| matches!(shading, HairShading::KajiyaKay { .. })),
             highlight: shaded(
@@ -131,10 +142,28 @@ impl Effects {
             ),
             say("area lights", self.area_lights, "the scene has area lights", "the scene has no area light"),
             say(
-                "point and directional lights",
+                "point, spot and directional lights",
                 self.direct_lights,
                 "the scene has such lights",
                 "the scene has no such light",
+            ),
+            say(
+                "ray-traced shadows",
+                self.raytraced_shadows,
+                "a light's shadows are raytraced, and there is hair or a surface",
+                "no light's shadows are raytraced, or there is nothing to cast them",
+            ),
+            say(
+                "deep shadow maps",
+                self.deep_maps,
+                "a light's shadows are deep-map, and there is hair",
+                "no light's shadows are deep-map, or there is no hair",
+            ),
+            say(
+                "shadow maps",
+                self.shadow_maps,
+                "a light's shadows are map, and there is hair",
+                "no light's shadows are map, or there is no hair",
             ),
             say(
                 "light reflected by surfaces",

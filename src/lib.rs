@@ -15,6 +15,7 @@ pub mod render;
 pub mod scene;
 pub mod selftest;
 pub mod shading;
+pub mod shadow;
 pub mod study;
 pub mod surface;
 pub mod transform;

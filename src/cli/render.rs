@@ -238,7 +238,9 @@ impl From<RenderError> for Failure {
         match error {
             RenderError::Cancelled => Failure::Interrupted,
             // Memory that is not to be had for what the scene asks.
-            RenderError::Bins(_) | RenderError::Threads { .. } => Failure::Input(error.to_string()),
+            RenderError::Bins(_) | RenderError::ShadowMap { .. } | RenderError::Threads { .. } => {
+                Failure::Input(error.to_string())
+            }
             RenderError::Embree(embree::Error::Vertex { .. } | embree::Error::Radius { .. }) => {
                 Failure::Input(format!(
                     "in units of half the hair's extent (of the surfaces', where there is no hair), {error}; \

@@ -10,7 +10,7 @@ use glam::Vec3;
 
 use super::guide::Guide;
 use super::photon::{self, Emitter};
-use super::{DirectLight, Environment, PhotonMap, RectLight, lights::Incident, sources};
+use super::{Environment, Lamp, PhotonMap, RectLight, lights::Incident, sources};
 use crate::hash::{hash, to_unit, unit};
 use crate::igloo::{Igloo, Span};
 use crate::surface::{SurfacePoint, Surfaces};
@@ -33,7 +33,7 @@ const BLUR: f32 = 0.15;
 #[derive(Debug)]
 pub struct Illumination {
     pub environment: Environment,
-    pub direct: Vec<DirectLight>,
+    pub direct: Vec<Lamp>,
     pub area: Vec<RectLight>,
     pub surfaces: Option<Surfaces>,
     /// The igloo of hair.
@@ -50,7 +50,7 @@ impl Illumination {
     /// Light of a scene, the environment averaged over `faces` faces a hemisphere; rays that leave surfaces see it blurred to as many or fewer.
     pub fn new(
         environment: Environment,
-        direct: Vec<DirectLight>,
+        direct: Vec<Lamp>,
         area: Vec<RectLight>,
         surfaces: Option<Surfaces>,
         faces: u32,
@@ -154,8 +154,8 @@ impl Illumination {
         self.photons.as_ref()
     }
 
-    /// Radiance that a surface sends back along the ray that met it: by the photons, or where they would blur it from point and directional
-    /// lights, one sample of each area light and of one small bright source, one ray to the environment, and the photons of reflected light. Emission is not in
+    /// Radiance that a surface sends back along the ray that met it: by the photons, or where they would blur it from lights
+    /// without extent, one sample of each area light and of one small bright source, one ray to the environment, and the photons of reflected light. Emission is not in
     /// it: area lights are sampled as lights; nor is what [`Illumination::hot_light`] brings.
     pub fn reflected(&self, point: &SurfacePoint, key: u32, hair: &impl Fn(Vec3, Vec3, f32) -> f32) -> Vec3 {
         if point.albedo == Vec3::ZERO {
@@ -169,15 +169,18 @@ impl Illumination {
         }
         let origin = point.leaving();
         let mut irradiance = Vec3::ZERO;
-        let mut add = |incident: &Incident| {
+        let mut add = |incident: &Incident, blocked: bool| {
             let cosine = incident.toward.dot(point.normal);
-            if cosine > 0.0 && self.sees(origin, incident.toward, incident.distance) {
-                irradiance += incident.irradiance * (cosine * hair(origin, incident.toward, incident.distance));
+            if cosine > 0.0 && (!blocked || self.sees(origin, incident.toward, incident.distance)) {
+                let left = if blocked { hair(origin, incident.toward, incident.distance) } else { 1.0 };
+                irradiance += incident.irradiance * (cosine * left);
             }
         };
-        self.direct.iter().filter_map(|light| light.incident(origin)).for_each(|incident| add(&incident));
-        self.area_light(origin, 1, key, &mut add);
-        self.one_source(point.normal, key).iter().for_each(add);
+        for lamp in &self.direct {
+            lamp.light.incident(origin).iter().for_each(|incident| add(incident, lamp.blocked));
+        }
+        self.area_light(origin, 1, key, |incident| add(incident, true));
+        self.one_source(point.normal, key).iter().for_each(|incident| add(incident, true));
         irradiance += self.sky_sample(point, origin, key, hair);
         irradiance += known.map_or(Vec3::ZERO, |known| known.indirect);
         point.albedo * irradiance * (below / PI)

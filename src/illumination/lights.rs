@@ -10,8 +10,19 @@ const AT_THE_LIGHT: f32 = 1e-30;
 pub enum DirectLight {
     /// Shines equally in all directions; `intensity` is W/sr, per square render unit.
     Point { position: Vec3, intensity: Vec3 },
+    /// A point light that shines in a cone around the unit vector `axis`: `intensity` (as a point's) where the cosine to it is above
+    /// `inner`, nothing below `outer`, and smoothly less between.
+    Spot { position: Vec3, axis: Vec3, inner: f32, outer: f32, intensity: Vec3 },
     /// Parallel light; `toward` is the unit direction to the light, `irradiance` W/m² on a surface that faces it.
     Directional { toward: Vec3, irradiance: Vec3 },
+}
+
+/// A light without extent, and whether anything may be in its way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lamp {
+    pub light: DirectLight,
+    /// Whether surfaces and hair block its light; if not, they let all of it through.
+    pub blocked: bool,
 }
 
 /// Light that arrives at a point if nothing is in the way.
@@ -29,20 +40,36 @@ impl DirectLight {
     /// The light at a point; nothing at the light itself.
     pub fn incident(&self, position: Vec3) -> Option<Incident> {
         match *self {
-            Self::Point { position: light, intensity } => {
-                let to_light = light - position;
-                let distance2 = to_light.length_squared();
-                if distance2 <= AT_THE_LIGHT {
-                    return None;
-                }
-                let distance = distance2.sqrt();
-                // The largest number in place of infinity, which times a dark colour would be none.
-                let irradiance = (intensity / distance2).min(Vec3::splat(f32::MAX));
-                Some(Incident { toward: to_light / distance, distance, irradiance })
+            Self::Point { position: light, intensity } => from_point(light, position, intensity),
+            Self::Spot { position: light, axis, inner, outer, intensity } => {
+                let incident = from_point(light, position, intensity)?;
+                let inside = share_of_cone(-incident.toward.dot(axis), inner, outer);
+                (inside > 0.0).then(|| Incident { irradiance: incident.irradiance * inside, ..incident })
             }
             Self::Directional { toward, irradiance } => Some(Incident { toward, distance: f32::INFINITY, irradiance }),
         }
     }
+}
+
+fn from_point(light: Vec3, position: Vec3, intensity: Vec3) -> Option<Incident> {
+    let to_light = light - position;
+    let distance2 = to_light.length_squared();
+    if distance2 <= AT_THE_LIGHT {
+        return None;
+    }
+    let distance = distance2.sqrt();
+    // The largest number in place of infinity, which times a dark colour would be none.
+    let irradiance = (intensity / distance2).min(Vec3::splat(f32::MAX));
+    Some(Incident { toward: to_light / distance, distance, irradiance })
+}
+
+/// How much of a spot's intensity there is at a cosine to its axis: Hermite's cubic between the cosines of its edge.
+pub(super) fn share_of_cone(cosine: f32, inner: f32, outer: f32) -> f32 {
+    if cosine <= outer {
+        return 0.0;
+    }
+    let x = if inner > outer { ((cosine - outer) / (inner - outer)).min(1.0) } else { 1.0 };
+    x * x * (3.0 - 2.0 * x)
 }
 
 /// A rectangle that shines from the side of its normal.
@@ -105,6 +132,34 @@ mod tests {
         let here = light.incident(Vec3::ZERO).expect("not at the light");
         assert_eq!((here.toward, here.distance, here.irradiance), (Vec3::Y, 2.0, Vec3::splat(2.0)));
         assert_eq!(light.incident(Vec3::Y * 2.0), None);
+    }
+
+    #[test]
+    fn a_spot_is_a_point_light_that_fades_at_its_edge() {
+        let position = Vec3::Y * 2.0;
+        let cos = |degrees: f32| degrees.to_radians().cos();
+        let spot = DirectLight::Spot {
+            position,
+            axis: -Vec3::Y,
+            inner: cos(10.0),
+            outer: cos(20.0),
+            intensity: Vec3::splat(8.0),
+        };
+        let point = DirectLight::Point { position, intensity: Vec3::splat(8.0) };
+        let at = |degrees: f32| Vec3::new(2.0 * degrees.to_radians().tan(), 0.0, 0.0);
+        let share = |degrees: f32| {
+            let all = point.incident(at(degrees)).expect("not at the light");
+            spot.incident(at(degrees)).map_or(0.0, |incident| {
+                assert_eq!((incident.toward, incident.distance), (all.toward, all.distance));
+                incident.irradiance.x / all.irradiance.x
+            })
+        };
+        assert_eq!([0.0, 9.9, 20.1, 60.0].map(share), [1.0, 1.0, 0.0, 0.0]);
+        let halfway = (0.5 * (cos(10.0) + cos(20.0))).acos().to_degrees();
+        assert!((share(halfway) - 0.5).abs() < 1e-3);
+        let shares: Vec<f32> = (10..=20).map(|degrees| share(degrees as f32)).collect();
+        assert!(shares.windows(2).all(|s| s[1] < s[0]), "{shares:?}");
+        assert_eq!(spot.incident(Vec3::Y * 3.0), None, "dark behind");
     }
 
     #[test]

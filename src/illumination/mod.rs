@@ -11,7 +11,7 @@ pub mod sources;
 
 pub use environment::{Environment, Radiance};
 pub use gather::Illumination;
-pub use lights::{DirectLight, RectLight};
+pub use lights::{DirectLight, Lamp, RectLight};
 pub use map::{Map, Mapping};
 pub use photon::PhotonMap;
 pub use sources::Sources;

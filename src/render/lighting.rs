@@ -8,6 +8,7 @@ use glam::{Mat3, Vec3};
 
 use super::RenderError;
 use super::estimator::{self, Estimator};
+use super::shadows::{HairShadow, Made};
 use crate::effects::Effects;
 use crate::embree::Device;
 use crate::hair::{OnStrand, StrandSample};
@@ -17,6 +18,7 @@ use crate::illumination::{Environment, Illumination, photon};
 use crate::occlusion::{Crossings, HairRays, Igloo, Receiver, Span, frame_around, raytraced};
 use crate::scene::{HairShading, Scene};
 use crate::shading::{Faces, Fibre, KajiyaKayFibre, Lambert, Marschner, StrandPoint, marschner};
+use crate::shadow::Point;
 use crate::surface::SurfacePoint;
 
 /// Purpose of the random numbers that place a ray in its face.
@@ -34,7 +36,7 @@ const WORTH_A_LOOK: f32 = 2e-5;
 /// Light of a point, by layer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lit {
-    /// From point and directional lights.
+    /// From point, spot and directional lights.
     pub direct: Vec3,
     /// From everywhere else.
     pub environment: Vec3,
@@ -78,6 +80,9 @@ pub struct Lighting<'s> {
     light: Illumination,
     estimator: Estimator,
     hair_rays: Option<HairRays>,
+    /// For each light without extent how hair shadows it, and the maps among that.
+    shadows: Vec<HairShadow>,
+    maps: Vec<Made>,
     residual: f32,
     /// What crossings of hair do to rays towards area lights and small bright sources.
     crossings: Crossings,
@@ -124,6 +129,7 @@ impl<'s> Lighting<'s> {
         let scene = &*scene;
         let settings = &scene.description().occlusion;
         let hair_rays = effects.hair_rays.then(|| estimator::hair_rays(&device, scene)).transpose()?;
+        let (shadows, maps) = HairShadow::build(scene)?;
         let faces = settings.face_count();
         let environment = Environment::new(scene.radiance.clone(), scene.sources.clone(), scene.to_map, faces);
         let light = Illumination::new(environment, scene.direct.clone(), scene.area.clone(), surfaces, faces);
@@ -142,6 +148,8 @@ impl<'s> Lighting<'s> {
             light,
             estimator: Estimator::build(scene, &sphere, &hemisphere),
             hair_rays,
+            shadows,
+            maps,
             residual: settings.residual as f32,
             crossings: estimator::ray_settings(settings, 1).crossings,
             source_samples: scene.description().sampling.area_light_samples,
@@ -184,7 +192,7 @@ impl<'s> Lighting<'s> {
             self.sum_faces(&self.sphere, means, key, hits, gamma, clock, |face| reflected[face], &mut lit);
             self.area(&receiver, key, space, in_direction, &mut lit);
         }
-        self.direct(sample.position, Some(sample.on), space, in_direction, &mut lit);
+        self.direct(&Point::on_hair(sample), space, in_direction, &mut lit);
         lit
     }
 
@@ -213,7 +221,7 @@ impl<'s> Lighting<'s> {
             self.sum_faces(&self.hemisphere, means, key, hits, gamma, clock, reflect, &mut lit);
             self.area(&receiver, key, space, cosine, &mut lit);
         }
-        self.direct(receiver.position, None, space, cosine, &mut lit);
+        self.direct(&Point::on_surface(receiver.position), space, cosine, &mut lit);
         lit
     }
 
@@ -265,6 +273,11 @@ impl<'s> Lighting<'s> {
     /// What rays through hair need; none where the effects do not call for it.
     pub fn hair_rays(&self) -> Option<&HairRays> {
         self.hair_rays.as_ref()
+    }
+
+    /// The shadow maps that were made.
+    pub fn maps(&self) -> &[Made] {
+        &self.maps
     }
 
     /// Whether any light comes from all around.
@@ -388,24 +401,22 @@ impl<'s> Lighting<'s> {
         }
     }
 
-    /// Point and directional lights, through hair by a ray of transmittance each.
-    fn direct(
-        &self,
-        position: Vec3,
-        on: Option<OnStrand>,
-        space: &mut Workspace,
-        reflect: impl Fn(Vec3) -> Vec3,
-        lit: &mut Lit,
-    ) {
+    /// Lights without extent: through surfaces by a ray each, through hair as each of them asks for.
+    fn direct(&self, point: &Point, space: &mut Workspace, reflect: impl Fn(Vec3) -> Vec3, lit: &mut Lit) {
         if !self.effects.direct_lights {
             return;
         }
         let begin = Instant::now();
-        for incident in self.light.direct.iter().filter_map(|light| light.incident(position)) {
-            let reflected = reflect(incident.toward) * incident.irradiance;
-            if reflected != Vec3::ZERO && self.light.sees(position, incident.toward, incident.distance) {
-                lit.direct += reflected * self.through_hair(position, incident.toward, incident.distance, on);
+        let position = point.position;
+        for (lamp, shadow) in self.light.direct.iter().zip(&self.shadows) {
+            let Some(Incident { toward, distance, irradiance }) = lamp.light.incident(position) else { continue };
+            let reflected = reflect(toward) * irradiance;
+            if reflected == Vec3::ZERO || lamp.blocked && !self.light.sees(position, toward, distance) {
+                continue;
             }
+            let on = point.hair.map(|(on, _)| on);
+            let rays = || self.through_hair(position, toward, distance, on);
+            lit.direct += reflected * shadow.transmittance(point, rays);
         }
         space.clock.direct += begin.elapsed();
     }

@@ -13,6 +13,7 @@ pub mod output;
 mod passes;
 mod pipeline;
 pub mod progress;
+mod shadows;
 pub mod statistics;
 mod tile;
 
@@ -24,4 +25,5 @@ pub use lighting::{Around, Lighting, Workspace};
 pub use mean::Mean;
 pub use passes::{Pixels, Prepared, pass_seed};
 pub use pipeline::{Options, RenderError, render, with_threads};
+pub use shadows::Made;
 pub use statistics::Statistics;

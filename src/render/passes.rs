@@ -63,6 +63,7 @@ impl<'s> Prepared<'s> {
             ..Statistics::default()
         };
         let mut lighting = Lighting::new(scene, effects)?;
+        statistics.shadow_maps = lighting.maps().to_vec();
         statistics.stage("building", &watch);
         let watch = Watch::start();
         statistics.occlusion = settle(&mut lighting, progress)?;

@@ -11,6 +11,7 @@ use super::tile::Frame;
 use crate::embree;
 use crate::fragment::{BinError, Bins, PixelRect, TileGrid, assign};
 use crate::scene::Scene;
+use crate::shadow::MapError;
 
 /// Pixels along a tile's side.
 const TILE: u32 = 16;
@@ -24,6 +25,8 @@ pub enum RenderError {
     Embree(#[from] embree::Error),
     #[error(transparent)]
     Bins(#[from] BinError),
+    #[error("{light}: {source}")]
+    ShadowMap { light: String, source: MapError },
     #[error("cannot start {threads} threads: {message}")]
     Threads { threads: usize, message: String },
 }

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::calibration::Settled;
 use super::cpu;
+use super::shadows::Made;
 use crate::effects::Effect;
 
 /// A value that was not finite, and where.
@@ -117,6 +118,9 @@ pub struct Statistics {
     /// The error of the picture, where it was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub claim: Option<Claim>,
+    /// The shadow maps of lights that asked for them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub shadow_maps: Vec<Made>,
     /// Mean of the picture, linear Rec.709.
     pub mean: [f32; 3],
 }

@@ -472,6 +472,8 @@ pub struct Gradient {
 pub struct Lights {
     /// Points that shine the same in every direction.
     pub point: Vec<PointLight>,
+    /// Points that shine in a cone.
+    pub spot: Vec<SpotLight>,
     /// Suns: parallel light.
     pub directional: Vec<DirectionalLight>,
     /// Rectangles that shine from one side.
@@ -488,6 +490,16 @@ pub struct PointLight {
     /// Radiant intensity, in W/sr with the scene unit as metre, linear Rec.709.
     #[schemars(inner(range(min = 0.0, max = 1e20)))]
     pub intensity: Triple,
+    /// How shadows of it are found.
+    #[serde(default)]
+    pub shadows: Shadows,
+    /// For shadow maps: pixels along a side of each image (a light among the hair has six); by the width of the hair unless given.
+    #[schemars(range(min = 16, max = 8192))]
+    pub map_resolution: Option<u32>,
+    /// For `deep-map`: the largest error of what a pixel lets through, at any depth.
+    #[serde(default = "map_error")]
+    #[schemars(range(min = 0.0, max = 0.5))]
+    pub map_error: f64,
 }
 
 /// A directional light.
@@ -500,6 +512,71 @@ pub struct DirectionalLight {
     /// Irradiance on a surface that faces it, in W/m², linear Rec.709.
     #[schemars(inner(range(min = 0.0, max = 1e20)))]
     pub irradiance: Triple,
+    /// How shadows of it are found.
+    #[serde(default)]
+    pub shadows: Shadows,
+    /// For shadow maps: pixels along a side of each image (a light among the hair has six); by the width of the hair unless given.
+    #[schemars(range(min = 16, max = 8192))]
+    pub map_resolution: Option<u32>,
+    /// For `deep-map`: the largest error of what a pixel lets through, at any depth.
+    #[serde(default = "map_error")]
+    #[schemars(range(min = 0.0, max = 0.5))]
+    pub map_error: f64,
+}
+
+/// A light in a point that shines in a cone.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SpotLight {
+    /// Where it is, in scene units.
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
+    pub position: Triple,
+    /// The axis of its cone, away from the light, of any length but zero.
+    #[schemars(inner(range(min = -1e9, max = 1e9)))]
+    pub direction: Triple,
+    /// Opening of the cone, from edge to edge, in degrees.
+    #[schemars(range(min = 0.01, max = 180.0))]
+    pub angle: f64,
+    /// Share of the cone's half angle, from its edge inwards, over which the light fades: 0 for a sharp edge, 1 for one that begins at the axis.
+    #[serde(default = "blend")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub blend: f64,
+    /// Radiant intensity on the axis, in W/sr with the scene unit as metre, linear Rec.709.
+    #[schemars(inner(range(min = 0.0, max = 1e20)))]
+    pub intensity: Triple,
+    /// How shadows of it are found.
+    #[serde(default)]
+    pub shadows: Shadows,
+    /// For shadow maps: pixels along a side of each image (a light among the hair has six); by the width of the hair unless given.
+    #[schemars(range(min = 16, max = 8192))]
+    pub map_resolution: Option<u32>,
+    /// For `deep-map`: the largest error of what a pixel lets through, at any depth.
+    #[serde(default = "map_error")]
+    #[schemars(range(min = 0.0, max = 0.5))]
+    pub map_error: f64,
+}
+
+/// How shadows of a light without extent are found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Shadows {
+    /// By a ray through surfaces and hair for each point: sharp and exact, and the slowest in thick hair.
+    #[default]
+    Raytraced,
+    /// Of hair by a deep shadow map: what is left of the light, as a function of depth, in each pixel of the light's view. Softened by about a pixel, at a cost that does not grow with the hair behind the pixel. Of surfaces by rays. Light that surfaces send on goes through hair by rays.
+    DeepMap,
+    /// Of hair by a plain shadow map, for comparison: a pixel holds one depth, and each hair is in it with the chance of what it blocks there, so that a pixel is lit or dark. Right on average, but noisy. Else as `deep-map`.
+    Map,
+    /// None: neither hair nor surfaces are in the way of its light, nor of what surfaces send on of it.
+    None,
+}
+
+fn map_error() -> f64 {
+    0.004
+}
+
+fn blend() -> f64 {
+    0.15
 }
 
 /// A rectangular area light. It blocks light like any surface and is seen by the camera.

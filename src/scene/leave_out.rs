@@ -30,7 +30,10 @@ impl Scene {
             }
             EffectName::SmallBrightSources => self.sources = None,
             EffectName::AreaLights => self.area.clear(),
-            EffectName::PointAndDirectionalLights => self.direct.clear(),
+            EffectName::PointAndDirectionalLights => {
+                self.direct.clear();
+                self.shadows.clear();
+            }
             EffectName::LightReflectedBySurfaces => description.indirect.mode = IndirectMode::None,
             EffectName::MoreThanOneReflection => {
                 if description.indirect.mode == IndirectMode::Photons {

@@ -6,13 +6,13 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec3, Vec3};
 use thiserror::Error;
 
-use super::description::{self, Axis, Description, EnvironmentSources, Gradient};
+use super::description::{self, Axis, Description, EnvironmentSources, Gradient, Shadows};
 use super::environment;
 use super::space::RenderSpace;
 use super::{Document, Place};
 use crate::camera::Camera;
 use crate::hair::{HairModel, Strands, formats, grow};
-use crate::illumination::{DirectLight, Radiance, RectLight, Sources, environment::map_axes};
+use crate::illumination::{DirectLight, Lamp, Radiance, RectLight, Sources, environment::map_axes};
 use crate::surface::{Mesh, SurfaceModel, obj, primitives, teapot};
 use crate::transform;
 
@@ -32,10 +32,25 @@ pub struct Scene {
     pub sources: Option<Arc<Sources>>,
     /// From render space to the environment map's axes.
     pub to_map: glam::Mat3,
-    pub direct: Vec<DirectLight>,
+    /// Lights without extent: points, spots, suns.
+    pub direct: Vec<Lamp>,
+    /// How shadows of each of them are found.
+    pub shadows: Vec<LampShadows>,
     pub area: Vec<RectLight>,
     /// What a user should be told about what was loaded.
     pub notes: Vec<String>,
+}
+
+/// How shadows of a light without extent are found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LampShadows {
+    /// The light's key in the scene file.
+    pub key: String,
+    pub mode: Shadows,
+    /// Pixels along a side of a shadow map.
+    pub resolution: Option<u32>,
+    /// Largest error of a deep shadow map's functions.
+    pub error: f32,
 }
 
 /// What all strands of a hair object share.
@@ -104,7 +119,8 @@ impl Scene {
                 surfaces.add(&mesh, description.smooth);
             }
         }
-        let (direct, area) = loader.lights(&space)?;
+        let (direct, shadows) = loader.lamps(&space)?;
+        let area = loader.area_lights(&space)?;
         for light in &area {
             surfaces.add_light(light.corner, light.edge_u, light.edge_v, light.radiance);
         }
@@ -121,6 +137,7 @@ impl Scene {
             sources,
             to_map,
             direct,
+            shadows,
             area,
             notes,
             document,
@@ -363,25 +380,49 @@ impl Loader<'_> {
         }
     }
 
-    fn lights(&self, space: &RenderSpace) -> Result<(Vec<DirectLight>, Vec<RectLight>), AssetError> {
+    fn lamps(&self, space: &RenderSpace) -> Result<(Vec<Lamp>, Vec<LampShadows>), AssetError> {
         let lights = &self.description().light;
-        let mut direct = Vec::new();
-        for light in &lights.point {
-            // Intensity over squared distance: the same irradiance needs the scale's square in render units.
-            let intensity = DVec3::from(light.intensity) * space.scale() * space.scale();
-            direct.push(DirectLight::Point {
-                position: space.point32(DVec3::from(light.position)),
-                intensity: intensity.as_vec3(),
-            });
+        let (mut lamps, mut shadows) = (Vec::new(), Vec::new());
+        let mut add = |light, key, mode, resolution, error: f64| {
+            lamps.push(Lamp { light, blocked: mode != Shadows::None });
+            shadows.push(LampShadows { key, mode, resolution, error: error as f32 });
+        };
+        // Intensity over squared distance: the same irradiance needs the scale's square in render units.
+        let intensity = |scene: [f64; 3]| (DVec3::from(scene) * space.scale() * space.scale()).as_vec3();
+        let position = |scene: [f64; 3]| space.point32(DVec3::from(scene));
+        let unit = |key: &str, direction: [f64; 3]| {
+            let none = || self.error(&format!("{key}.direction"), "it has no length; give a direction");
+            DVec3::from(direction).try_normalize().map(|d| d.as_vec3()).ok_or_else(none)
+        };
+        for (index, light) in lights.point.iter().enumerate() {
+            let point =
+                DirectLight::Point { position: position(light.position), intensity: intensity(light.intensity) };
+            add(point, format!("light.point[{index}]"), light.shadows, light.map_resolution, light.map_error);
+        }
+        for (index, light) in lights.spot.iter().enumerate() {
+            let key = format!("light.spot[{index}]");
+            let half_angle = (0.5 * light.angle).to_radians();
+            let spot = DirectLight::Spot {
+                position: position(light.position),
+                axis: unit(&key, light.direction)?,
+                inner: (half_angle * (1.0 - light.blend)).cos() as f32,
+                outer: half_angle.cos() as f32,
+                intensity: intensity(light.intensity),
+            };
+            add(spot, key, light.shadows, light.map_resolution, light.map_error);
         }
         for (index, light) in lights.directional.iter().enumerate() {
-            let toward = (-DVec3::from(light.direction)).try_normalize().ok_or_else(|| {
-                self.error(&format!("light.directional[{index}].direction"), "it has no length; give a direction")
-            })?;
-            direct.push(DirectLight::Directional { toward: toward.as_vec3(), irradiance: vec3(light.irradiance) });
+            let key = format!("light.directional[{index}]");
+            let toward = -unit(&key, light.direction)?;
+            let sun = DirectLight::Directional { toward, irradiance: vec3(light.irradiance) };
+            add(sun, key, light.shadows, light.map_resolution, light.map_error);
         }
+        Ok((lamps, shadows))
+    }
+
+    fn area_lights(&self, space: &RenderSpace) -> Result<Vec<RectLight>, AssetError> {
         let mut area = Vec::new();
-        for (index, light) in lights.rect.iter().enumerate() {
+        for (index, light) in self.description().light.rect.iter().enumerate() {
             let edge = |edge: [f64; 3]| (DVec3::from(edge) * space.scale()).as_vec3();
             let center = space.point32(DVec3::from(light.center));
             let rect = RectLight::new(center, edge(light.edge_u), edge(light.edge_v), vec3(light.radiance));
@@ -389,7 +430,7 @@ impl Loader<'_> {
                 self.error(&format!("light.rect[{index}]"), "edge_u and edge_v span no area; they must not be parallel")
             })?);
         }
-        Ok((direct, area))
+        Ok(area)
     }
 
     fn camera(&self, space: &RenderSpace) -> Result<Camera, AssetError> {

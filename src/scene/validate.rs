@@ -295,6 +295,25 @@ impl Validator<'_> {
                 self.error(&key, format!("{key} has length zero; give the direction in which the light travels"));
             }
         }
+        for (n, light) in lights.spot.iter().enumerate() {
+            if direction(light.direction).is_none() {
+                let key = path.key("spot").index(n).key("direction");
+                self.error(&key, format!("{key} has length zero; give the direction in which the light shines"));
+            }
+        }
+        let point = lights.point.iter().map(|light| light.shadows).enumerate().map(|(n, s)| ("point", n, s));
+        let spot = lights.spot.iter().map(|light| light.shadows).enumerate().map(|(n, s)| ("spot", n, s));
+        let directional = lights.directional.iter().map(|light| light.shadows).enumerate();
+        for (kind, n, shadows) in point.chain(spot).chain(directional.map(|(n, s)| ("directional", n, s))) {
+            let path = path.key(kind).index(n);
+            match shadows {
+                Shadows::DeepMap => {}
+                Shadows::Map => self.no_effect(&path, &["map_error"], "unless shadows is \"deep-map\""),
+                Shadows::Raytraced | Shadows::None => {
+                    self.no_effect(&path, &["map_resolution", "map_error"], "where shadows is no map");
+                }
+            }
+        }
         for (n, light) in lights.rect.iter().enumerate() {
             let path = path.key("rect").index(n);
             let flat = match (direction(light.edge_u), direction(light.edge_v)) {
@@ -381,6 +400,7 @@ impl Validator<'_> {
             || environment.gradient.as_ref().is_some_and(|g| [g.zenith, g.horizon, g.nadir].iter().any(bright));
         let lit = (sky && environment.scale > 0.0)
             || light.point.iter().any(|light| bright(&light.intensity))
+            || light.spot.iter().any(|light| bright(&light.intensity))
             || light.directional.iter().any(|light| bright(&light.irradiance))
             || light.rect.iter().any(|light| bright(&light.radiance));
         if !lit {

@@ -8,6 +8,7 @@ use glam::Vec3;
 
 use crate::hash::{hash, to_unit, unit};
 use crate::igloo::frame_around;
+use crate::illumination::lights::share_of_cone;
 use crate::illumination::{DirectLight, Illumination};
 
 /// Purposes of random numbers.
@@ -54,8 +55,11 @@ impl<'l> Emitter<'l> {
         let disk = PI * radius * radius;
         let mut sources = Vec::new();
         for (index, direct) in light.direct.iter().enumerate() {
-            let power = match *direct {
+            let power = match direct.light {
                 DirectLight::Point { intensity, .. } => intensity * (2.0 * TAU),
+                DirectLight::Spot { inner, outer, intensity, .. } => {
+                    intensity * (TAU * (1.0 - outer) * mean_of_cone(inner, outer))
+                }
                 DirectLight::Directional { irradiance, .. } => irradiance * disk,
             };
             sources.push((Source::Direct(index), power));
@@ -94,8 +98,14 @@ impl<'l> Emitter<'l> {
         let [place, way] = [PLACE, WAY].map(|purpose| [number(purpose, 0), number(purpose, 1)]);
         let (origin, direction) = match source {
             Source::Spot(spot) => return self.from_spot(spot, power, place, hash(&[SPOT, seed, index])),
-            Source::Direct(index) => match self.light.direct[index] {
+            Source::Direct(index) => match self.light.direct[index].light {
                 DirectLight::Point { position, .. } => (position, uniform(way)),
+                DirectLight::Spot { position, axis, inner, outer, .. } => {
+                    let cosine = 1.0 - way[1] * (1.0 - outer);
+                    let share = share_of_cone(cosine, inner, outer) / mean_of_cone(inner, outer);
+                    let direction = frame_around(axis) * around(cosine, way[0]);
+                    return Emission { origin: position, direction, power: power * share };
+                }
                 DirectLight::Directional { toward, .. } => (self.through_disk(toward, place), -toward),
             },
             Source::Area(index) => {
@@ -138,12 +148,21 @@ impl<'l> Emitter<'l> {
     }
 }
 
+/// Mean of a spot's light over its cone: its edge is smooth and point-symmetric.
+fn mean_of_cone(inner: f32, outer: f32) -> f32 {
+    1.0 - 0.5 * (inner - outer).max(0.0) / (1.0 - outer)
+}
+
+/// The direction at a cosine to the z axis, `turn` of a circle around it.
+fn around(cosine: f32, turn: f32) -> Vec3 {
+    let (sin, cos) = (TAU * turn).sin_cos();
+    let radius = ((1.0 - cosine) * (1.0 + cosine)).max(0.0).sqrt();
+    Vec3::new(radius * cos, radius * sin, cosine)
+}
+
 /// A direction of the whole sphere, all alike.
 fn uniform([u, v]: [f32; 2]) -> Vec3 {
-    let z = 1.0 - 2.0 * v;
-    let (sin, cos) = (TAU * u).sin_cos();
-    let radius = ((1.0 - z) * (1.0 + z)).max(0.0).sqrt();
-    Vec3::new(radius * cos, radius * sin, z)
+    around(1.0 - 2.0 * v, u)
 }
 
 /// A direction of the upper hemisphere, distributed as its cosine.
