@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use tress::hair::{Attribute, HairModel, Strands};
-use tress::illumination::{DirectLight, Radiance};
+use tress::illumination::{DirectLight, Lamp, Radiance};
 use tress::occlusion::Transmittance;
 use tress::render::progress::Unwatched;
 use tress::render::{self, Options};
