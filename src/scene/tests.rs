@@ -239,7 +239,9 @@ fn all_faults_are_reported_in_order_and_their_number_is_capped() {
 fn keys_of_the_other_model_of_reflection_are_refused() {
     let with =
         |keys: &str| format!("[[hair]]\ngrow = {{ on = 'head' }}\n{keys}\n[[surface]]\nname = 'head'\nteapot = {{}}");
-    for key in ["roughness = 0.3", "azimuthal_roughness = 0.3", "cuticle_tilt = 3", "ior = 1.5"] {
+    for key in
+        ["color_is = 'dense-hair'", "roughness = 0.3", "azimuthal_roughness = 0.3", "cuticle_tilt = 3", "ior = 1.5"]
+    {
         let name = key.split(' ').next().expect("a name");
         for given in [key.to_owned(), format!("shading = 'kajiya-kay'\n{key}")] {
             let error = fault(&with(&given));

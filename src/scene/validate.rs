@@ -226,7 +226,7 @@ impl Validator<'_> {
     fn shading(&mut self, path: &KeyPath, shading: Shading) {
         let (chosen, other, keys): (_, _, &[&str]) = match shading {
             Shading::KajiyaKay => {
-                ("kajiya-kay", "marschner", &["roughness", "azimuthal_roughness", "cuticle_tilt", "ior"])
+                ("kajiya-kay", "marschner", &["color_is", "roughness", "azimuthal_roughness", "cuticle_tilt", "ior"])
             }
             Shading::Marschner => ("marschner", "kajiya-kay", &["specular", "exponent"]),
         };
