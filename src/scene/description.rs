@@ -201,7 +201,7 @@ pub enum ColorIs {
     /// Of the light that enters a strand under a uniform sky, the share that leaves it; the highlight comes on top, as with `kajiya-kay`. Hair looks like its `color`.
     #[default]
     Strand,
-    /// The albedo of dense hair after all scattering from strand to strand (Chiang et al. 2016), as in renderers that follow it. Here that light is left out: hair comes out greyer and a little lighter or darker than `color`.
+    /// The albedo of dense hair after all scattering from strand to strand (Chiang et al. 2016), as in renderers that follow it. Here that light is left out, so that hair comes out paler than `color`.
     DenseHair,
 }
 

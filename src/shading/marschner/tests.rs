@@ -1,3 +1,5 @@
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use super::*;
 use crate::igloo::{Igloo, Span};
 use crate::shading::fibre::testing::*;
@@ -25,7 +27,7 @@ fn white_hair_in_a_furnace_is_white() {
     for (m, n) in [(0.0, 0.3), (0.05, 0.05), (0.1, 0.3), (0.3, 0.3), (0.3, 1.0), (0.6, 0.1), (1.0, 0.3), (1.0, 1.0)] {
         for (tilt, ior) in [(2.0, 1.55), (10.0, 1.3)] {
             let fibre = Marschner::new(Parameters { tilt, ior, ..hair(m, n) }, 0.0);
-            for angle in [0.0_f64, 0.2, -0.5, 0.8, 1.1, -1.3, 1.45, 1.53, -1.55, 1.5707] {
+            for angle in [0.0_f64, 0.2, -0.5, 0.8, 1.1, -1.3, 1.45, 1.53, -1.55, 1.5706, FRAC_PI_2] {
                 let energy = albedo(&fibre, &seen(angle, Vec3::ONE)).x;
                 worst = [worst[0].min(energy), worst[1].max(energy)];
                 let what = format!("roughness {m} and {n}, tilt {tilt}, ior {ior}, angle {angle}");
@@ -63,7 +65,7 @@ fn a_strand_under_a_uniform_sky_has_its_color() {
             // Over views in proportion to cos² θ: in single directions, and on faces, whose own R is another by a little.
             let (mut sums, mut whole) = ([[Vec3::ZERO; 2]; 2], 0.0);
             for k in 0..18 {
-                let angle = (f64::from(k) - 8.5) * (std::f64::consts::PI / 18.0);
+                let angle = (f64::from(k) - 8.5) * (PI / 18.0);
                 let weight = angle.cos().powi(2) as f32;
                 whole += weight;
                 for (column, color) in [color, Vec3::ZERO].into_iter().enumerate() {
@@ -85,6 +87,29 @@ fn a_strand_under_a_uniform_sky_has_its_color() {
         }
     }
     println!("off by {worst:?} at most");
+}
+
+#[test]
+fn a_block_of_directions_is_each_of_them() {
+    let fibre = Marschner::new(hair(0.2, 0.4), 0.0);
+    for angle in [0.0, -0.8, 1.5, FRAC_PI_2] {
+        let view = fibre.view(fibre.narrow(), &seen(angle, Vec3::new(0.8, 0.4, 0.0)));
+        let directions: [Vec3; BLOCK] = std::array::from_fn(|k| direction(0.2 * k as f64 - 1.5, 0.7 * k as f64));
+        let [r, g, b] = view.evaluate(&directions).color;
+        for (k, &direction) in directions.iter().enumerate() {
+            assert_eq!(view.reflect(direction), Vec3::new(r[k], g[k], b[k]), "{angle} {k}");
+        }
+    }
+}
+
+#[test]
+fn dense_hair_absorbs_by_the_fit() {
+    // (ln 0.8 / 5.8883)², the denominator by hand for β_n = .3.
+    let dense = color::of_dense_hair(Vec3::new(0.8, 1.0, 0.0), 0.3);
+    assert!((dense.x - 1.4362e-3).abs() < 2e-6 && dense.y == 0.0 && dense.z.is_finite(), "{dense}");
+    // A strand of it shows next to nothing of the colour; one whose own colour it is absorbs some eighty times as much.
+    let strand = Marschner::new(HAIR, 0.0).narrow().lengths.absorption(Vec3::splat(0.8)).x;
+    assert!(strand > 50.0 * dense.x, "{strand}");
 }
 
 #[test]
@@ -129,10 +154,8 @@ fn samples_fall_as_they_should_and_find_the_albedo() {
 #[test]
 fn the_spread_along_the_strand_is_the_formula() {
     // The formula as d'Eon et al. print it, where it does not overflow, I0 by its integral.
-    let bessel = |x: f64| {
-        (0..2000).map(|k| (x * ((f64::from(k) + 0.5) / 2000.0 * std::f64::consts::PI).cos()).exp()).sum::<f64>()
-            / 2000.0
-    };
+    let bessel =
+        |x: f64| (0..2000).map(|k| (x * ((f64::from(k) + 0.5) / 2000.0 * PI).cos()).exp()).sum::<f64>() / 2000.0;
     for v in [0.02, 0.1, 0.5, 3.0] {
         let lobes = Longitudinal::new([v; 4], [0.0; 4]);
         for out in [-1.5_f64, -0.7, 0.0, 0.3, 1.2] {
@@ -143,8 +166,8 @@ fn the_spread_along_the_strand_is_the_formula() {
             };
             let mut energy = 0.0;
             for k in 0..2000 {
-                let theta = ((f64::from(k) + 0.5) / 2000.0 - 0.5) * std::f64::consts::PI;
-                energy += at(theta) * theta.cos() * std::f64::consts::PI / 2000.0;
+                let theta = ((f64::from(k) + 0.5) / 2000.0 - 0.5) * PI;
+                energy += at(theta) * theta.cos() * PI / 2000.0;
                 let exact =
                     bessel(theta.cos() * cos_o / v) * (-theta.sin() * sin_o / v).exp() / (2.0 * v * (1.0 / v).sinh());
                 assert!((at(theta) - exact).abs() < 1e-4 * exact + 1e-6, "v {v}, {theta} {out}: {} {exact}", at(theta));
@@ -158,7 +181,7 @@ fn the_spread_along_the_strand_is_the_formula() {
 fn the_smoothest_hair_is_finite() {
     for (m, n) in [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1e-3, 1e-3)] {
         let fibre = Marschner::new(hair(m, n), 0.0);
-        for out in [0.0, 1.0, 1.570_796, -1.570_796] {
+        for out in [0.0, 1.0, FRAC_PI_2, -FRAC_PI_2] {
             for color in [Vec3::ZERO, Vec3::new(0.5, 0.2, 0.0), Vec3::ONE] {
                 let at = seen(out, color);
                 for k in 0..400 {
@@ -254,7 +277,7 @@ fn the_scales_turn_the_highlight_to_the_root_and_the_glint_to_the_tip() {
     let tilt = 3.0_f64.to_radians();
     // Black hair has nothing but R; through white hair nearly all goes straight on, TT.
     assert!((brightest(Vec3::ZERO, 0.5) - (-0.4 - 2.0 * tilt)).abs() < 0.02, "{}", brightest(Vec3::ZERO, 0.5));
-    assert!((brightest(Vec3::ONE, 3.14) - (-0.4 + tilt)).abs() < 0.02, "{}", brightest(Vec3::ONE, 3.14));
+    assert!((brightest(Vec3::ONE, PI) - (-0.4 + tilt)).abs() < 0.02, "{}", brightest(Vec3::ONE, PI));
 }
 
 proptest! {
