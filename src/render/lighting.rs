@@ -16,7 +16,7 @@ use crate::hash::{hash, to_unit};
 use crate::illumination::lights::Incident;
 use crate::illumination::{Environment, Illumination, photon};
 use crate::occlusion::{Crossings, HairRays, Igloo, Receiver, Span, frame_around, raytraced};
-use crate::scene::{HairShading, Scene};
+use crate::scene::{HairShading, Scene, description};
 use crate::shading::{Faces, Fibre, KajiyaKayFibre, Lambert, Marschner, StrandPoint, marschner};
 use crate::shadow::Point;
 use crate::surface::SurfacePoint;
@@ -452,8 +452,12 @@ impl<'s> Lighting<'s> {
 fn fibre(shading: &HairShading, face_width: f32) -> Box<dyn Fibre> {
     match *shading {
         HairShading::KajiyaKay { specular, exponent } => Box::new(KajiyaKayFibre::new(specular, exponent, face_width)),
-        HairShading::Marschner { roughness: [longitudinal, azimuthal], tilt, ior } => {
-            let parameters = marschner::Parameters { longitudinal, azimuthal, tilt, ior };
+        HairShading::Marschner { color_is, roughness: [longitudinal, azimuthal], tilt, ior } => {
+            let color_is = match color_is {
+                description::ColorIs::Strand => marschner::ColorIs::Strand,
+                description::ColorIs::DenseHair => marschner::ColorIs::DenseHair,
+            };
+            let parameters = marschner::Parameters { longitudinal, azimuthal, tilt, ior, color_is };
             Box::new(Marschner::new(parameters, face_width))
         }
     }

@@ -131,7 +131,7 @@ pub struct Hair {
     /// Transmittance of one crossing of a strand, 0 opaque to 1 invisible; replaces what the file says. It is what other strands let through to a point, straight on; with `marschner` its like is the share of the light that goes through a strand, some 0.7 for blond hair and 0.2 for black.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub transparency: Option<f64>,
-    /// Diffuse reflectance, 0 to 1, linear Rec.709; replaces what the file says. With `marschner` the albedo of dense hair after all scattering, from which the absorption in a strand is found.
+    /// Diffuse reflectance, 0 to 1, linear Rec.709; replaces what the file says. With `marschner` see `color_is`.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub color: Option<Triple>,
     /// How a strand reflects.
@@ -144,6 +144,8 @@ pub struct Hair {
     pub exponent: f64,
     /// Whether light from all around reaches it: environment, area lights and surfaces. If not, point and directional lights alone light it, as in renderers without global illumination.
     pub gather: bool,
+    /// For `marschner`: what `color` says, from which the absorption in a strand is found.
+    pub color_is: ColorIs,
     /// For `marschner`: longitudinal roughness β_m, along the strand, 0 smooth to 1 rough.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub roughness: f64,
@@ -174,6 +176,7 @@ impl Default for Hair {
             specular: [0.1; 3],
             exponent: 60.0,
             gather: true,
+            color_is: ColorIs::Strand,
             roughness: 0.3,
             azimuthal_roughness: 0.3,
             cuticle_tilt: 2.0,
@@ -191,6 +194,17 @@ pub enum Shading {
     KajiyaKay,
     /// Reflection and refraction in a rough, coloured fibre (Marschner et al. 2003, d'Eon et al. 2011, Chiang et al. 2016).
     Marschner,
+}
+
+/// What the colour of hair that reflects as a fibre does is the share of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ColorIs {
+    /// Of the light that enters a strand under a uniform sky, the share that leaves it; the highlight comes on top, as with `kajiya-kay`. Hair looks like its `color`.
+    #[default]
+    Strand,
+    /// The albedo of dense hair after all scattering from strand to strand (Chiang et al. 2016), as in renderers that follow it. Here that light is left out, so that hair comes out paler than `color`.
+    DenseHair,
 }
 
 /// The kind of a hair file.

@@ -67,8 +67,8 @@ pub struct HairObject {
 pub enum HairShading {
     /// The highlight's albedo and exponent.
     KajiyaKay { specular: Vec3, exponent: f32 },
-    /// Roughness along and around the strand, the tilt of its scales in degrees, and its index of refraction.
-    Marschner { roughness: [f32; 2], tilt: f32, ior: f32 },
+    /// What its colour is, roughness along and around the strand, the tilt of its scales in degrees, and its index of refraction.
+    Marschner { color_is: description::ColorIs, roughness: [f32; 2], tilt: f32, ior: f32 },
 }
 
 impl HairShading {
@@ -78,6 +78,7 @@ impl HairShading {
                 Self::KajiyaKay { specular: vec3(hair.specular), exponent: hair.exponent as f32 }
             }
             description::Shading::Marschner => Self::Marschner {
+                color_is: hair.color_is,
                 roughness: [hair.roughness as f32, hair.azimuthal_roughness as f32],
                 tilt: hair.cuticle_tilt as f32,
                 ior: hair.ior as f32,

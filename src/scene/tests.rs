@@ -244,7 +244,9 @@ fn keys_of_the_other_model_of_reflection_are_warned_of() {
         let warnings = read(&text, Format::Toml, &[]).expect("sound").warnings;
         warnings.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
     };
-    for key in ["roughness = 0.3", "azimuthal_roughness = 0.3", "cuticle_tilt = 3", "ior = 1.5"] {
+    for key in
+        ["color_is = 'dense-hair'", "roughness = 0.3", "azimuthal_roughness = 0.3", "cuticle_tilt = 3", "ior = 1.5"]
+    {
         let name = key.split(' ').next().expect("a name");
         let expected = format!("hair[0].{name} has no effect on hair with shading = \"kajiya-kay\"");
         assert!(warnings(key).contains(&expected), "{}", warnings(key));

@@ -227,7 +227,7 @@ impl Validator<'_> {
         match shading {
             Shading::KajiyaKay => self.no_effect(
                 path,
-                &["roughness", "azimuthal_roughness", "cuticle_tilt", "ior"],
+                &["color_is", "roughness", "azimuthal_roughness", "cuticle_tilt", "ior"],
                 "on hair with shading = \"kajiya-kay\"; it belongs to \"marschner\"",
             ),
             Shading::Marschner => self.no_effect(

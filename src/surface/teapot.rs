@@ -36,8 +36,8 @@ pub fn tessellated(center: DVec3, size: f64, up: DVec3, sagitta: f64) -> Mesh {
     let steps = steps(sagitta * LENGTH);
     let mut welder = Welder::default();
     let mut triangles = Vec::with_capacity(64 * steps * steps);
-    for patch in 0..PATCHES.len() {
-        let controls = PATCHES[patch].map(|index| DVec3::from(POINTS[usize::from(index)]));
+    for patch in &PATCHES {
+        let controls = patch.map(|index| DVec3::from(POINTS[usize::from(index)]));
         let mut grid = Vec::with_capacity((steps + 1) * (steps + 1));
         for i in 0..=steps {
             for j in 0..=steps {

@@ -97,7 +97,7 @@ impl<'l> Emitter<'l> {
         let number = |purpose, axis| to_unit(hash(&[purpose, seed, index, axis]));
         let [place, way] = [PLACE, WAY].map(|purpose| [number(purpose, 0), number(purpose, 1)]);
         let (origin, direction) = match source {
-            Source::Spot(spot) => return self.from_spot(spot, power, place, hash(&[SPOT, seed, index])),
+            Source::Spot(spot) => return self.emit_from_spot(spot, power, place, hash(&[SPOT, seed, index])),
             Source::Direct(index) => match self.light.direct[index].light {
                 DirectLight::Point { position, .. } => (position, uniform(way)),
                 DirectLight::Spot { position, axis, inner, outer, .. } => {
@@ -124,7 +124,7 @@ impl<'l> Emitter<'l> {
     }
 
     /// A photon of a small bright source that on average has this power.
-    fn from_spot(&self, index: usize, power: Vec3, place: [f32; 2], key: u32) -> Emission {
+    fn emit_from_spot(&self, index: usize, power: Vec3, place: [f32; 2], key: u32) -> Emission {
         let environment = &self.light.environment;
         let sampled = environment.sources().and_then(|found| {
             let spot = &found.list[index];

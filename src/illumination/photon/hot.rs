@@ -80,7 +80,8 @@ impl HotSpots {
         }
         let total: f32 = photons.iter().map(|photon| brightness(photon.albedo * photon.power)).sum();
         let share = hot.iter().map(|hot| brightness(hot.power)).sum::<f32>() / total;
-        if !(share > WORTH) {
+        // Of light that is not finite nothing is worth it either.
+        if share.partial_cmp(&WORTH) != Some(std::cmp::Ordering::Greater) {
             return None;
         }
         // Strata of the running sum are then compact parts of the spots.
@@ -111,7 +112,8 @@ impl HotSpots {
             let distance = distance2.sqrt();
             let toward = to_spot / distance;
             let cosine = -toward.dot(hot.normal);
-            if !(cosine > 0.0) {
+            // At the spot itself there is no direction, and the cosine no number.
+            if cosine <= 0.0 || cosine.is_nan() {
                 continue;
             }
             let stands_for = self.by_power.total() as f32 / (brightness(hot.power) * count as f32);

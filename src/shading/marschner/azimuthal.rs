@@ -13,10 +13,12 @@
 
 use std::f64::consts::PI;
 
-use super::four::{Four, each};
+use glam::Vec4;
+
+use super::four::{Four, each, exp};
 
 /// Rows of the table, over cos θ_d.
-const ROWS: usize = 24;
+pub(super) const ROWS: usize = 24;
 /// The absorption a radius at which the table's lengths are exact: that of a medium brown.
 const MIDDLE: f64 = 0.15;
 
@@ -37,6 +39,8 @@ pub(super) struct Azimuthal {
     table: Vec<Entry>,
     /// φ at the ends of the cells.
     nodes: Vec<f32>,
+    /// ∫ of each node's hat function over φ from 0 to π.
+    hats: Vec<f32>,
     /// ∫ D dφ over the whole turn, by row.
     albedo: Vec<Four>,
     /// The same with D constant in each cell, as it is sampled.
@@ -47,7 +51,8 @@ pub(super) struct Azimuthal {
 #[inline(always)]
 pub(super) fn pseudo_angle(cos: f32, sin: f32) -> f32 {
     let t = sin / (cos.abs() + sin).max(f32::MIN_POSITIVE);
-    if cos >= 0.0 { t } else { 2.0 - t }
+    // 1 - (1 - t) and 1 + (1 - t): no branch.
+    1.0 - (1.0 - t).copysign(cos)
 }
 
 /// The angle of a pseudo-angle.
@@ -87,7 +92,8 @@ impl Azimuthal {
         let steps: Vec<f64> =
             (0..=cells).map(|k| 0.5 * (angles[(k + 1).min(cells)] - angles[k.saturating_sub(1)])).collect();
         let stepped = rows().map(|row| sum(row, &steps)).collect();
-        Self { cells, nodes: angles.iter().map(|&a| a as f32).collect(), albedo, stepped, table }
+        let hats = hats.iter().map(|&hat| hat as f32).collect();
+        Self { cells, hats, nodes: angles.iter().map(|&a| a as f32).collect(), albedo, stepped, table }
     }
 
     /// D at a cos θ_d and a pseudo-angle of φ.
@@ -96,21 +102,33 @@ impl Azimuthal {
         let (row, down) = split(cos_d.clamp(0.0, 1.0) * (ROWS - 1) as f32, ROWS - 1);
         let (cell, across) = split(turn * 0.5 * self.cells as f32, self.cells);
         let start = row * (self.cells + 1) + cell;
-        let [a, b] = [&self.table[start], &self.table[start + 1]];
         let below = start + self.cells + 1;
-        let [c, d] = [&self.table[below], &self.table[below + 1]];
-        let [wd, wc] = [across * down, (1.0 - across) * down];
-        let [wb, wa] = [across * (1.0 - down), (1.0 - across) * (1.0 - down)];
-        Entry {
-            white: each(|p| (a.white[p] * wa + b.white[p] * wb) + (c.white[p] * wc + d.white[p] * wd)),
-            length: each(|p| (a.length[p] * wa + b.length[p] * wb) + (c.length[p] * wc + d.length[p] * wd)),
-        }
+        let (upper, lower) = (&self.table[start..][..2], &self.table[below..][..2]);
+        let weights = [(1.0 - across) * (1.0 - down), across * (1.0 - down), (1.0 - across) * down, across * down];
+        let corners = [&upper[0], &upper[1], &lower[0], &lower[1]];
+        let mix = |of: fn(&Entry) -> Vec4| {
+            let [a, b, c, d] = corners.map(of);
+            (a * weights[0] + b * weights[1]) + (c * weights[2] + d * weights[3])
+        };
+        Entry { white: mix(|e| e.white.into()).into(), length: mix(|e| e.length.into()).into() }
     }
 
     /// ∫ D dφ of each lobe without absorption at a cos θ_d, as [`Self::evaluate`] has it.
     pub fn albedo(&self, cos_d: f32) -> Four {
         let (row, down) = split(cos_d.clamp(0.0, 1.0) * (ROWS - 1) as f32, ROWS - 1);
         each(|p| self.albedo[row][p] * (1.0 - down) + self.albedo[row + 1][p] * down)
+    }
+
+    /// Σ w_p ∫ D_p e^(-σ l_p) dφ over all rows and the lobes that enter the strand, for an absorption σ a radius.
+    pub fn through(&self, weights: &[Four], sigma: f32) -> f64 {
+        let rows = self.table.chunks_exact(self.cells + 1).zip(weights);
+        let row = |(row, weights): (&[Entry], &Four)| -> f64 {
+            let entry = |(entry, hat): (&Entry, &f32)| -> f32 {
+                (1..4).map(|p| weights[p] * hat * entry.white[p] * exp(-sigma * entry.length[p])).sum()
+            };
+            row.iter().zip(&self.hats).map(|terms| f64::from(entry(terms))).sum()
+        };
+        2.0 * rows.map(row).sum::<f64>()
     }
 
     /// φ (0 to π) and its pseudo-angle's cell for lobe `p`: `pick` chooses the row, `random` the angle.
@@ -146,7 +164,7 @@ impl Azimuthal {
 
 /// The cell of a position and where in it, for `cells` cells of width 1.
 #[inline(always)]
-fn split(position: f32, cells: usize) -> (usize, f32) {
+pub(super) fn split(position: f32, cells: usize) -> (usize, f32) {
     let cell = (position as usize).min(cells - 1);
     (cell, position - cell as f32)
 }

@@ -5,8 +5,9 @@ pub(super) type Four = [f32; 4];
 
 /// One result a lobe.
 #[inline(always)]
-pub(super) fn each(f: impl FnMut(usize) -> f32) -> Four {
-    std::array::from_fn(f)
+pub(super) fn each(mut f: impl FnMut(usize) -> f32) -> Four {
+    // Not array::from_fn, whose closure is a call.
+    [f(0), f(1), f(2), f(3)]
 }
 
 /// Σ a b.
@@ -40,14 +41,15 @@ pub(super) fn bessel(x: f32, rest: f32) -> f32 {
         + s * (3.515_622_9
             + s * (3.089_942_4 + s * (1.206_749_2 + s * (0.265_973_2 + s * (0.036_076_8 + s * 0.004_581_3)))));
     let x_high = x.max(3.75);
-    let s = 3.75 / x_high;
-    let high = 0.398_942_28
+    let inverse = 1.0 / x_high;
+    let s = 3.75 * inverse;
+    let high = 0.398_942_3
         + s * (0.013_285_92
             + s * (0.002_253_19
                 + s * (-0.001_575_65
                     + s * (0.009_162_81
                         + s * (-0.020_577_06 + s * (0.026_355_37 + s * (-0.016_476_33 + s * 0.003_923_77)))))));
-    let high = high / x_high.sqrt();
+    let high = high * inverse.sqrt();
     let (factor, exponent) = if small { (low, rest - x) } else { (high, rest) };
     factor * exp(exponent)
 }

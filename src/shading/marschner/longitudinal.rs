@@ -50,29 +50,42 @@ impl Longitudinal {
     /// Past the pole the cosine is taken as positive, the direction there being the same seen from the other side.
     #[inline(always)]
     pub fn turned(&self, sin: f32, cos: f32) -> Inclination {
-        turn(&self.half, sin, cos)
+        turn_all(&self.half, sin, cos)
     }
 
     /// M of each lobe between two turned inclinations.
     #[inline(always)]
     pub fn evaluate(&self, incoming: &Inclination, outgoing: &Inclination) -> Four {
-        each(|p| {
-            let (c_i, c_o) = (incoming.cos[p], outgoing.cos[p]);
-            let (c, s) = (c_i - c_o, incoming.sin[p] + outgoing.sin[p]);
-            self.scale[p] * bessel(c_i * c_o * self.inverse[p], -0.5 * (c * c + s * s) * self.inverse[p])
-        })
+        each(|p| self.between(p, [incoming.sin[p], incoming.cos[p]], [outgoing.sin[p], outgoing.cos[p]]))
+    }
+
+    /// M of lobe `p` between inclinations as they are and one that is turned.
+    #[inline(always)]
+    pub fn spread<const N: usize>(&self, p: usize, sin: &[f32; N], cos: &[f32; N], outgoing: &Inclination) -> [f32; N] {
+        let mut spread = [0.0; N];
+        for k in 0..N {
+            let incoming = turn(self.half[p], sin[k], cos[k]);
+            spread[k] = self.between(p, incoming, [outgoing.sin[p], outgoing.cos[p]]);
+        }
+        spread
+    }
+
+    #[inline(always)]
+    fn between(&self, p: usize, [sin_i, cos_i]: [f32; 2], [sin_o, cos_o]: [f32; 2]) -> f32 {
+        let (c, s) = (cos_i - cos_o, sin_i + sin_o);
+        self.scale[p] * bessel(cos_i * cos_o * self.inverse[p], -0.5 * (c * c + s * s) * self.inverse[p])
     }
 
     /// The density of [`Self::sample`] in θ_i of each lobe, over cos θ_i.
     pub fn density(&self, [sin_i, cos_i]: [f32; 2], [sin_o, cos_o]: [f32; 2]) -> Four {
         let incoming = Inclination { sin: [sin_i; 4], cos: [cos_i; 4] };
-        self.evaluate(&incoming, &turn(&self.whole, sin_o, cos_o))
+        self.evaluate(&incoming, &turn_all(&self.whole, sin_o, cos_o))
     }
 
     /// Sine and cosine of an inclination for light that leaves by lobe `p`, with the lobe's whole shift in θ_o (d'Eon et al. 2013).
     pub fn sample(&self, p: usize, [sin_o, cos_o]: [f32; 2], random: [f32; 2]) -> [f32; 2] {
         let v = self.variance[p];
-        let outgoing = turn(&self.whole, sin_o, cos_o);
+        let outgoing = turn_all(&self.whole, sin_o, cos_o);
         // 1 - cos of the angle on the sphere: v ln(1 / (ξ + (1 - ξ) e^(-2/v))).
         let from_one = (-v * (random[0] + (1.0 - random[0]) * exp(-2.0 / v)).max(1e-30).ln()).clamp(0.0, 2.0);
         let (cos, sin) = (1.0 - from_one, (from_one * (2.0 - from_one)).sqrt());
@@ -82,10 +95,12 @@ impl Longitudinal {
     }
 }
 
+/// Sine and cosine of an inclination less an angle, given by its own.
 #[inline(always)]
-fn turn(angle: &[[f32; 2]; 4], sin: f32, cos: f32) -> Inclination {
-    Inclination {
-        sin: each(|p| sin * angle[p][1] - cos * angle[p][0]),
-        cos: each(|p| (cos * angle[p][1] + sin * angle[p][0]).abs()),
-    }
+fn turn([sin_a, cos_a]: [f32; 2], sin: f32, cos: f32) -> [f32; 2] {
+    [sin * cos_a - cos * sin_a, (cos * cos_a + sin * sin_a).abs()]
+}
+
+fn turn_all(angle: &[[f32; 2]; 4], sin: f32, cos: f32) -> Inclination {
+    Inclination { sin: each(|p| turn(angle[p], sin, cos)[0]), cos: each(|p| turn(angle[p], sin, cos)[1]) }
 }

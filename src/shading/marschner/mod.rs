@@ -3,17 +3,18 @@
 //! The strand is a rough dielectric cylinder with a coloured inside, its scales tilted. Light leaves it by reflection (R), by
 //! going through (TT), by one reflection inside (TRT), and by more of them. F = S cos θ_i with
 //!
-//! S = g(θ_i) g(θ_o) Σ_p M_p(θ_i, θ_o) D_p(φ, θ_d),
+//! S = b(θ_i) b(θ_o) Σ_p M_p(θ_i, θ_o) D_p(φ, θ_d) / max(cos θ_i, cos θ_o) + e(θ_i) e(θ_o),
 //!
-//! M along the strand (`longitudinal`), D around it, with attenuation and averaged over the width (`azimuthal`), g for
+//! M along the strand (`longitudinal`), D around it, with attenuation and averaged over the width (`azimuthal`), b and e for
 //! energy and reciprocity (`balance`). θ is the inclination to the plane across the strand, positive towards the tip; φ the
 //! azimuth between the two directions. Angles in radians unless named in degrees.
 //!
-//! Roughnesses are those of Chiang et al., 0 smooth to 1 rough, and so is the absorption for a colour, which is the albedo of a
-//! volume of such hair after all scattering.
+//! Roughnesses are those of Chiang et al., 0 smooth to 1 rough. The absorption is that for a colour (`color`).
 
 mod azimuthal;
 mod balance;
+mod color;
+mod evaluate;
 mod four;
 mod longitudinal;
 mod sample;
@@ -22,16 +23,15 @@ use std::sync::OnceLock;
 
 use glam::Vec3;
 
-use self::azimuthal::{Azimuthal, pseudo_angle};
+use self::azimuthal::Azimuthal;
 use self::balance::Balance;
-use self::four::{dot, each, exp};
+use self::color::Lengths;
+use self::evaluate::BLOCK;
 use self::longitudinal::{Inclination, Longitudinal};
 use super::fibre::{Faces, Fibre, Sampled, StrandPoint};
 
 /// Standard deviations below which a lobe is not resolved, in radians: tables stay small and numbers finite.
 const SHARPEST: f64 = 0.003;
-/// The darkest colour that is told from black: beyond, nothing gets through.
-const BLACK: f32 = 1e-6;
 
 /// What a strand is like.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,6 +44,17 @@ pub struct Parameters {
     pub tilt: f32,
     /// Index of refraction, above 1.
     pub ior: f32,
+    /// What the colour of a point is.
+    pub color_is: ColorIs,
+}
+
+/// What a colour is the share of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ColorIs {
+    /// Of the light of a uniform sky that enters one strand, what leaves it.
+    Strand,
+    /// Of the light that falls on dense hair, what leaves it after all scattering.
+    DenseHair,
 }
 
 /// Hair that reflects as a fibre does.
@@ -63,6 +74,7 @@ struct Lobes {
     longitudinal: Longitudinal,
     azimuthal: Azimuthal,
     balance: Balance,
+    lengths: Lengths,
 }
 
 /// A view of a point: its frame, and what does not depend on the light.
@@ -73,12 +85,14 @@ struct View<'l> {
     sin: f32,
     cos: f32,
     turned: Inclination,
-    balance: f32,
+    /// b and e at the view's inclination.
+    balance: [f32; 2],
     /// Absorption a radius.
     absorption: Vec3,
 }
 
 /// A direction of light in a view's frame.
+#[derive(Clone, Copy, Debug, Default)]
 struct Incoming {
     sin: f32,
     cos: f32,
@@ -102,7 +116,11 @@ impl Marschner {
     }
 
     fn view<'l>(&self, lobes: &'l Lobes, at: &StrandPoint) -> View<'l> {
-        View::new(lobes, at, absorption(at.color, self.parameters.azimuthal))
+        let absorption = match self.parameters.color_is {
+            ColorIs::Strand => lobes.lengths.absorption(at.color),
+            ColorIs::DenseHair => color::of_dense_hair(at.color, self.parameters.azimuthal),
+        };
+        View::new(lobes, at, absorption)
     }
 
     /// F of each face before it is made to keep the energy on these faces, and the energy that it has without absorption.
@@ -110,11 +128,15 @@ impl Marschner {
         let view = self.view(self.broad(), at);
         reflected.clear();
         let mut white = 0.0;
-        reflected.extend(faces.centers.iter().map(|&center| {
-            let [color, free] = view.evaluate(&view.incoming(center));
-            white += free.x;
-            color
-        }));
+        for chunk in faces.centers.chunks(BLOCK) {
+            // The last block is filled up with what is not looked at.
+            let mut centers = [chunk[0]; BLOCK];
+            centers[..chunk.len()].copy_from_slice(chunk);
+            let block = view.evaluate(&centers);
+            let [r, g, b] = &block.color;
+            reflected.extend((0..chunk.len()).map(|k| Vec3::new(r[k], g[k], b[k])));
+            white += block.white[..chunk.len()].iter().sum::<f32>();
+        }
         white * faces.solid_angle
     }
 }
@@ -122,13 +144,13 @@ impl Marschner {
 impl Fibre for Marschner {
     fn reflect(&self, at: &StrandPoint, incoming: Vec3) -> Vec3 {
         let view = self.view(self.narrow(), at);
-        view.evaluate(&view.incoming(incoming))[0]
+        view.reflect(incoming)
     }
 
     fn reflect_faces(&self, at: &StrandPoint, faces: &Faces, reflected: &mut Vec<Vec3>) {
         let energy = self.raw_faces(at, faces, reflected);
         // What absorbs nothing reflects all: the sum over the faces' middles is a quadrature of 1, and its error is known.
-        let scale = 1.0 / energy.clamp(0.02, 50.0);
+        let scale = 1.0 / energy.max(1e-6);
         reflected.iter_mut().for_each(|f| *f *= scale);
     }
 
@@ -136,7 +158,7 @@ impl Fibre for Marschner {
         let view = self.view(self.narrow(), at);
         let incoming = view.sample(random);
         let density = view.density(&view.incoming(incoming));
-        let reflected = view.evaluate(&view.incoming(incoming))[0];
+        let reflected = view.reflect(incoming);
         (density > 0.0).then_some(Sampled { incoming, reflected, density })
     }
 
@@ -164,21 +186,15 @@ impl Lobes {
             (scale * scale + 3.0 * face / (std::f64::consts::PI * std::f64::consts::PI)).sqrt()
         });
         let narrowest = variance.into_iter().fold(f64::INFINITY, f64::min).sqrt();
-        let balance = Balance::new(&longitudinal, &azimuthal, narrowest);
-        Self { longitudinal, azimuthal, balance }
+        let (balance, rows) = Balance::new(&longitudinal, &azimuthal, narrowest);
+        let lengths = Lengths::new(&azimuthal, &rows);
+        Self { longitudinal, azimuthal, balance, lengths }
     }
 }
 
 /// Scale of the logistic distribution for an azimuthal roughness (Chiang et al. 2016, Eq. 8), in radians.
 fn logistic_scale(rough: f64) -> f64 {
     (std::f64::consts::PI / 8.0).sqrt() * (0.265 * rough + 1.194 * rough * rough + 5.372 * rough.powi(22))
-}
-
-/// The absorption a radius for a colour (Chiang et al. 2016, Eq. 9).
-pub fn absorption(color: Vec3, azimuthal: f32) -> Vec3 {
-    let b = azimuthal;
-    let fit = 5.969 + b * (-0.215 + b * (2.532 + b * (-10.73 + b * (5.574 + b * 0.245))));
-    Vec3::from_array(color.to_array().map(|c| (c.clamp(BLACK, 1.0).ln() / fit).powi(2)))
 }
 
 impl<'l> View<'l> {
@@ -192,30 +208,6 @@ impl<'l> View<'l> {
         let turned = lobes.longitudinal.turned(sin, cos);
         let balance = lobes.balance.evaluate(sin, cos);
         Self { lobes, frame: [along, across, along.cross(across)], sin, cos, turned, balance, absorption }
-    }
-
-    #[inline(always)]
-    fn incoming(&self, direction: Vec3) -> Incoming {
-        let [along, across, aside] = self.frame;
-        let sin = along.dot(direction).clamp(-1.0, 1.0);
-        let (x, y) = (across.dot(direction), aside.dot(direction));
-        let cos = (x * x + y * y).sqrt().min(1.0);
-        let cos_d = (0.5 * (1.0 + cos * self.cos + sin * self.sin)).max(0.0).sqrt();
-        Incoming { sin, cos, turn: pseudo_angle(x, y.abs()), cos_d }
-    }
-
-    /// F, and F without absorption.
-    #[inline(always)]
-    fn evaluate(&self, incoming: &Incoming) -> [Vec3; 2] {
-        let lobes = self.lobes;
-        let turned = lobes.longitudinal.turned(incoming.sin, incoming.cos);
-        let spread = lobes.longitudinal.evaluate(&turned, &self.turned);
-        let around = lobes.azimuthal.evaluate(incoming.cos_d, incoming.turn);
-        let scale = self.balance * lobes.balance.evaluate(incoming.sin, incoming.cos) * incoming.cos;
-        let white = each(|p| spread[p] * around.white[p] * scale);
-        let through = |sigma: f32| dot(&white, &each(|p| exp(-sigma * around.length[p])));
-        let [r, g, b] = self.absorption.to_array().map(through);
-        [Vec3::new(r, g, b), Vec3::splat(dot(&white, &[1.0; 4]))]
     }
 }
 
