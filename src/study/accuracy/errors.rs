@@ -165,7 +165,7 @@ mod tests {
         // One picture alone cannot tell them apart.
         let one = reference.errors(&pictures[..1], 0.0).unwrap();
         assert!(one.noise.is_none() && (one.bias / one.rms - 1.0).abs() < 1e-9, "{one:?}");
-        assert!(errors.flip > 0.0 && reference.errors(&[reference.mean.clone()], 0.0).unwrap().flip == 0.0);
+        assert!(errors.flip > 0.0 && reference.errors(std::slice::from_ref(&reference.mean), 0.0).unwrap().flip == 0.0);
     }
 
     #[test]
