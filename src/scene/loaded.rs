@@ -151,6 +151,16 @@ impl Scene {
     pub fn description(&self) -> &Description {
         &self.document.description
     }
+
+    /// Loads the environment again, after its description or the number of faces that its small sources depend on was changed.
+    ///
+    /// # Errors
+    /// As [`Self::load`].
+    pub fn reload_environment(&mut self) -> Result<(), AssetError> {
+        let mut loader = Loader { document: &self.document, notes: Vec::new() };
+        (self.radiance, self.sources, self.to_map) = loader.environment()?;
+        Ok(())
+    }
 }
 
 /// The grown hair of a scene, in the scene's space: what [`Scene::load`] grows, but for the rounding of its points.

@@ -75,6 +75,18 @@ impl Halves {
         [self.seen.len(), self.mean.pixels.len()]
     }
 
+    /// Root mean square of a picture's difference, over pictures of the same settings; none without any, or where one has another size.
+    #[must_use]
+    pub fn rms(&self, pictures: &[RgbImage]) -> Option<f64> {
+        let fits = |picture: &RgbImage| picture.pixels.len() == self.mean.pixels.len();
+        if pictures.is_empty() || !pictures.iter().all(fits) {
+            return None;
+        }
+        let squares = pictures.iter().map(|picture| mean_square(picture, &self.mean, &self.seen));
+        let square = squares.sum::<f64>() / pictures.len() as f64;
+        Some((square - self.variance).max(0.0).sqrt() / self.level)
+    }
+
     /// Errors of pictures of the same settings and different seeds; none without any, or where one has another size.
     #[must_use]
     pub fn errors(&self, pictures: &[RgbImage], exposure: f32) -> Option<Errors> {
@@ -84,7 +96,7 @@ impl Halves {
         }
         let n = pictures.len() as f64;
         let count = 3.0 * self.seen.len() as f64;
-        let (mut square, mut of_mean, mut spread, mut sum, mut max) = (0.0, 0.0, 0.0, 0.0, 0.0_f64);
+        let (mut of_mean, mut spread, mut sum, mut max) = (0.0, 0.0, 0.0, 0.0_f64);
         for (&pixel, channel) in self.seen.iter().flat_map(|pixel| (0..3).map(move |channel| (pixel, channel))) {
             let truth = f64::from(self.mean.pixels[pixel][channel]);
             let difference = |picture: &RgbImage| f64::from(picture.pixels[pixel][channel]) - truth;
@@ -93,7 +105,6 @@ impl Halves {
             of_mean += mean * mean;
             for picture in pictures {
                 let d = difference(picture);
-                square += d * d / n;
                 spread += (d - mean).powi(2);
                 max = max.max(d.abs());
             }
@@ -101,7 +112,7 @@ impl Halves {
         let variance = (pictures.len() > 1).then(|| spread / (n - 1.0) / count);
         let root = |square: f64| square.max(0.0).sqrt() / self.level;
         Some(Errors {
-            rms: root(square / count - self.variance),
+            rms: self.rms(pictures)?,
             noise: variance.map(root),
             bias: root(of_mean / count - self.variance - variance.unwrap_or(0.0) / n),
             mean: sum / count / self.level,

@@ -7,21 +7,18 @@ use super::run::StudyError;
 use super::settings::Facts;
 use super::state::{Measured, file_hash, key};
 use crate::effects::Effects;
-use crate::hash::{hash, unit};
+use crate::hash::hash;
 use crate::image::RgbImage;
 use crate::render::progress::Progress;
 use crate::render::statistics::{Watch, peak_memory};
 use crate::render::{self, Film, Prepared, with_threads};
+use crate::scene::description::{Description, EnvironmentSources};
 use crate::scene::{self, Scene};
 use crate::surface::SurfaceModel;
 
 /// Purposes of random numbers.
 const REPEAT: u32 = 0x5250_4541;
 const REFERENCE: u32 = 0x5245_4652;
-const PROBE: u32 = 0x5052_4F42;
-
-/// Pixels of a probe.
-const PROBED: u32 = 32;
 
 /// Forwards nothing but the wish to stop.
 pub(super) struct Quiet<'a>(pub &'a dyn Progress);
@@ -41,6 +38,7 @@ pub(super) struct Bench<'a> {
     /// The user's overrides and the size of the picture.
     fixed: Vec<String>,
     scene: Scene,
+    facts: Facts,
     surfaces: SurfaceModel,
     threads: Option<usize>,
     /// The scene's own.
@@ -60,6 +58,10 @@ pub(super) struct Pace {
 impl Pace {
     pub fn of(&self, pixels: f64) -> f64 {
         self.before + self.pixel * pixels
+    }
+
+    pub fn times(self, factor: f64) -> Self {
+        Self { before: factor * self.before, pixel: factor * self.pixel }
     }
 }
 
@@ -93,16 +95,20 @@ impl<'a> Bench<'a> {
         let (base, seed) = (key(&parts), document.description.sampling.seed);
         let scene = Scene::load(document)?;
         let surfaces = scene.surfaces.clone();
-        Ok(Self { path: path.to_owned(), fixed, scene, surfaces, threads, seed, base, progress })
+        let environment = &scene.description().environment;
+        let facts = Facts {
+            effects: Effects::of(&scene),
+            occlusion: scene.description().occlusion.clone(),
+            segments: scene.hair.segments(),
+            size: scene.space.scene_length(1.0),
+            sources_left: environment.file.is_some() && environment.sources == EnvironmentSources::None,
+        };
+        Ok(Self { path: path.to_owned(), fixed, scene, facts, surfaces, threads, seed, base, progress })
     }
 
-    pub fn facts(&self) -> Facts {
-        Facts {
-            effects: Effects::of(&self.scene),
-            occlusion: self.scene.description().occlusion.clone(),
-            segments: self.scene.hair.segments(),
-            size: self.scene.space.scene_length(1.0),
-        }
+    /// Of the scene as it is.
+    pub fn facts(&self) -> &Facts {
+        &self.facts
     }
 
     pub fn size(&self) -> [u32; 2] {
@@ -136,8 +142,15 @@ impl<'a> Bench<'a> {
     /// Puts settings into the scene, and back the surfaces that the last render took out.
     fn set(&mut self, set: &[String]) -> Result<(), StudyError> {
         let all = [&self.fixed[..], set].concat();
+        let of_sources =
+            |description: &Description| (description.environment.sources, description.occlusion.face_count());
+        let before = of_sources(self.scene.description());
         self.scene.document.description = scene::load(&self.path, &all)?.description;
         self.scene.surfaces = self.surfaces.clone();
+        let description = self.scene.description();
+        if description.environment.file.is_some() && of_sources(description) != before {
+            self.scene.reload_environment()?;
+        }
         Ok(())
     }
 
@@ -152,7 +165,8 @@ impl<'a> Bench<'a> {
         Ok((measured, picture(&film)))
     }
 
-    /// Passes of one set of settings, one for each seed; `done` takes each as soon as it is there, and says whether to go on.
+    /// Passes of one set of settings, one for each seed. What is random before the first pass (photons) they share: it is drawn by the first
+    /// of the seeds. `done` takes each as soon as it is there, and says whether to go on.
     pub fn passes(
         &mut self,
         label: &str,
@@ -160,7 +174,8 @@ impl<'a> Bench<'a> {
         seeds: &[u32],
         mut done: impl FnMut(Measured, Picture) -> Result<(), StudyError> + Send,
     ) -> Result<(), StudyError> {
-        self.set(set)?;
+        let first = seeds.first().map(|seed| format!("sampling.seed={seed}"));
+        self.set(&[set, first.as_slice()].concat())?;
         let (threads, base, progress) = (self.threads, self.base.clone(), self.progress);
         let own_peak = reset_peak();
         let (scene, quiet) = (&mut self.scene, Quiet(progress));
@@ -182,24 +197,30 @@ impl<'a> Bench<'a> {
         })?
     }
 
-    /// How long a render of these settings takes, from a few of its pixels.
+    /// Pixels of a probe.
+    pub fn probed(&self) -> f64 {
+        self.size().map(f64::from).iter().product()
+    }
+
+    /// One of the probes is done.
+    pub fn advance(&self) {
+        self.progress.advance(1);
+    }
+
+    /// How long a render of these settings takes, from one pass.
     pub fn probe(&mut self, set: &[String]) -> Result<Pace, StudyError> {
         self.set(set)?;
-        let (threads, quiet) = (self.threads, Quiet(self.progress));
-        let [width, height] = self.size();
-        let place = |i: u32, axis: u32, side: u32| (unit(&[PROBE, i, axis]) * f64::from(side)) as u32;
-        let at: Vec<[u32; 2]> = (0..PROBED).map(|i| [place(i, 0, width), place(i, 1, height)]).collect();
+        let (threads, quiet, pixels) = (self.threads, Quiet(self.progress), self.probed());
         let passes = self.scene.description().passes();
         let scene = &mut self.scene;
         with_threads(threads, || {
             let watch = Watch::start();
             let options = render::Options { window: None, threads };
-            let prepared = Prepared::new(scene, &options, &quiet)?;
+            let mut prepared = Prepared::new(scene, &options, &quiet)?;
             let before = watch.elapsed().as_secs_f64();
             let watch = Watch::start();
-            prepared.pixels(&at, 0, &quiet)?;
-            let pixel = watch.elapsed().as_secs_f64() / f64::from(PROBED) * f64::from(passes);
-            Ok(Pace { before, pixel })
+            prepared.pass(0, &quiet)?;
+            Ok(Pace { before, pixel: watch.elapsed().as_secs_f64() / pixels * f64::from(passes) })
         })?
     }
 }

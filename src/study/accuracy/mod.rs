@@ -5,6 +5,7 @@ mod frontier;
 mod measure;
 pub mod page;
 mod plan;
+mod probing;
 pub mod results;
 mod run;
 pub mod settings;

@@ -7,9 +7,10 @@ use std::time::Instant;
 use super::errors::{Halves, Picture};
 use super::measure::{Bench, Pace};
 use super::page::{Shown, page};
-use super::plan::{FEWEST_PIXELS, Plan, REFERENCE_PASSES, plan};
+use super::plan::{Plan, REFERENCE_PASSES, Wish};
+use super::probing::{Paces, probe};
 use super::results::{Machine, Point, Reference, Study};
-use super::settings::{Case, KNOB, REFERENCE_WORK, REFERENCES, Skipped, cases, reference};
+use super::settings::{Case, KNOB, REFERENCES, Skipped, cases, reference};
 use super::state::{Measured, State, key};
 use crate::file::{read_regular, write_whole};
 use crate::image::RgbImage;
@@ -51,17 +52,17 @@ pub enum StudyError {
 }
 
 /// The side of the picture that times are measured on, in pixels.
-const PROBE_SIDE: f64 = 96.0;
+const PROBE_SIDE: f64 = 24.0;
 
-/// Passes of the reference at the most, and the standard error that is enough.
+/// Passes of the reference at the most.
 const MOST_PASSES: u32 = 32;
-const ENOUGH: f64 = 0.0015;
+/// Its standard error that is enough, as a share of the least error that is found, and in any case.
+const SHARE: f64 = 0.2;
+const ENOUGH: f64 = 0.0005;
 
-/// Share of a budget that may go into finding out how long settings take.
-const FOR_PROBES: f64 = 0.12;
-
-/// Share of a budget that the reference may take.
-const FOR_REFERENCE: f64 = 0.45;
+/// Shares of a budget after which nothing is begun: passes of the reference beyond the first two, and cases.
+const FOR_RENDERS: f64 = 0.85;
+const FOR_CASES: f64 = 0.95;
 
 /// Studies a scene and writes `study.html`, `study.json` and `study.csv` into the folder.
 ///
@@ -73,18 +74,22 @@ pub fn study(scene: &Path, options: &Options, progress: &dyn Progress) -> Result
     let mut state = State::open(&options.folder).map_err(failed)?;
     let Planned { plan, cases, paces, skipped, mut bench } = planned(scene, options, progress)?;
     plan.cut.iter().for_each(|line| progress.message(&format!("budget: {line}")));
-    let mut work = Work { options, state: &mut state, begin, progress, paces: &paces, cut: plan.cut.clone() };
+    let mut work = Work { options, state: &mut state, begin, progress, cut: plan.cut.clone(), drift: [0.0; 2] };
     progress.stage("studying", (1000.0 * plan.seconds) as u64);
-    let (halves, found) = work.reference(&mut bench, scene, &plan.reference)?;
-    let exposure = bench.exposure();
-    let mut points = Vec::new();
-    let mut pictures = Vec::new();
-    for (index, case) in cases.iter().enumerate().filter(|(index, _)| !plan.left_out.contains(index)) {
-        if let Some((measured, rendered)) = work.case(&mut bench, index, case)? {
-            let Some(errors) = halves.errors(&rendered, exposure) else { continue };
-            points.push(point(case, &measured, errors));
-            pictures.push(rendered.into_iter().next());
-        }
+    let set = reference(bench.facts(), REFERENCES[plan.reference]);
+    let nothing = || StudyError::Nothing(scene.display().to_string());
+    let mut sums = Sums::default();
+    work.reference(&mut bench, &set, &mut sums, REFERENCE_PASSES)?;
+    sums.halves().ok_or_else(nothing)?;
+    let done = work.cases(&mut bench, &cases, &paces)?;
+    work.refine(&mut bench, &set, &mut sums, &done)?;
+    let halves = sums.halves().ok_or_else(nothing)?;
+    let (found, exposure) = (sums.found(set, &halves), bench.exposure());
+    let (mut points, mut pictures) = (Vec::new(), Vec::new());
+    for (index, (measured, rendered)) in done {
+        let Some(errors) = halves.errors(&rendered, exposure) else { continue };
+        points.push(point(&cases[index], &measured, errors));
+        pictures.push(rendered.into_iter().next());
     }
     let mut study = Study {
         scene: scene.display().to_string(),
@@ -120,8 +125,8 @@ fn planned<'a>(scene: &Path, options: &Options, progress: &'a dyn Progress) -> R
     let threads = options.threads;
     let bench = Bench::new(scene, &options.overrides, None, threads, progress)?;
     bench.notes().iter().for_each(|note| progress.message(&format!("note: {note}")));
-    let (size, facts) = (bench.size(), bench.facts());
-    let (cases, skipped) = cases(&facts);
+    let size = bench.size();
+    let (cases, skipped) = cases(bench.facts());
     let budget = options.budget.map_or_else(String::new, |budget| budget.to_string());
     let names: Vec<String> = cases.iter().map(|case| format!("{} = {}", case.setting, case.value)).collect();
     let key = key(&[&bench.key(&[], 0), &budget, &options.repeats.to_string(), &names.join("\n")]);
@@ -129,37 +134,7 @@ fn planned<'a>(scene: &Path, options: &Options, progress: &'a dyn Progress) -> R
     let (plan, paces) = match read_plan(&path, &key) {
         Some(before) => before,
         None => {
-            let scale = (PROBE_SIDE / f64::from(size[0].min(size[1]))).min(1.0);
-            let small = size.map(|side| (f64::from(side) * scale).round().max(1.0) as u32);
-            let mut probing = Bench::new(scene, &options.overrides, Some(small), threads, progress)?;
-            progress.stage("probing", cases.len() as u64 + 1);
-            let time = options.budget.unwrap_or(0.0);
-            // Without a budget nothing depends on it: each render then counts the same.
-            let mut paces = vec![Pace { before: 1.0, pixel: 0.0 }; cases.len()];
-            let mut of_reference = Pace { before: 1.0, pixel: 0.0 };
-            if options.budget.is_some() {
-                of_reference = probing.probe(&reference(&facts, REFERENCES[1]))?;
-                let probing_since = Instant::now();
-                for (index, case) in cases.iter().enumerate() {
-                    // What comes after is taken for the scene as it is; when its turn comes the time is looked at again.
-                    let late = index > 0 && probing_since.elapsed().as_secs_f64() > FOR_PROBES * time;
-                    paces[index] = if late { paces[0] } else { probing.probe(&case.set)? };
-                    progress.advance(1);
-                }
-            }
-            let knobs = cases.iter().filter(|case| case.setting.starts_with("knob")).count();
-            // The default and the coarser half of the knob are what a study cannot do without.
-            let kept = 1 + knobs.min(KNOB.len() / 2);
-            let left = options.budget.map(|budget| (budget - begin.elapsed().as_secs_f64()).max(0.2 * budget));
-            let finest = REFERENCES.len() - 1;
-            let place = left.map_or(finest, |left| affordable(of_reference, left));
-            let of_reference = Pace { pixel: of_reference.pixel * REFERENCE_WORK[place], ..of_reference };
-            let mut plan = plan(size, &paces, &names, of_reference, options.repeats, kept, left);
-            plan.reference = reference(&facts, REFERENCES[place]);
-            if place < finest {
-                let [faces, layers] = REFERENCES[place];
-                plan.cut.push(format!("the reference has {faces} faces and {layers} layers in place of 256 and 256"));
-            }
+            let (plan, paces) = new_plan(scene, options, size, &cases, begin, progress)?;
             let text = serde_json::to_vec(&(key, &plan, &paces)).unwrap_or_default();
             write_whole(&path, |out| out.write_all(&text)).map_err(|e| output_error(&path, &e))?;
             (plan, paces)
@@ -170,13 +145,38 @@ fn planned<'a>(scene: &Path, options: &Options, progress: &'a dyn Progress) -> R
     Ok(Planned { plan, cases, paces, skipped, bench })
 }
 
-/// The finest reference that keeps to its share of a time at a small size.
-fn affordable(second: Pace, left: f64) -> usize {
-    let takes = |place: &usize| {
-        let passes = f64::from(REFERENCE_PASSES) * REFERENCE_WORK[*place];
-        second.before + passes * second.pixel * FEWEST_PIXELS
+fn new_plan(
+    scene: &Path,
+    options: &Options,
+    size: [u32; 2],
+    cases: &[Case],
+    begin: Instant,
+    progress: &dyn Progress,
+) -> Result<(Plan, Vec<Pace>), StudyError> {
+    let scale = (PROBE_SIDE / f64::from(size[0].min(size[1]))).min(1.0);
+    let small = size.map(|side| (f64::from(side) * scale).round().max(1.0) as u32);
+    let mut bench = Bench::new(scene, &options.overrides, Some(small), options.threads, progress)?;
+    progress.stage("probing", cases.len() as u64 + 1);
+    let paces = match options.budget {
+        Some(budget) => probe(&mut bench, cases, budget)?,
+        None => Paces::alike(cases),
     };
-    (0..REFERENCES.len()).rev().find(|place| takes(place) < FOR_REFERENCE * left).unwrap_or(0)
+    let knobs = cases.iter().filter(|case| case.setting.starts_with("knob")).count();
+    let wish = Wish {
+        size,
+        cases: &paces.cases,
+        references: &paces.references,
+        repeats: options.repeats,
+        // The default and the coarsest of the knob are what a study cannot do without.
+        kept: 1 + knobs.min(KNOB.len() / 3),
+        budget: options.budget.map(|budget| (budget - begin.elapsed().as_secs_f64()).max(0.2 * budget)),
+    };
+    let mut plan = wish.plan();
+    if plan.reference + 1 < REFERENCES.len() {
+        let [[faces, layers, _], [fine, deep, _]] = [plan.reference, REFERENCES.len() - 1].map(|i| REFERENCES[i]);
+        plan.cut.push(format!("the reference has {faces} faces and {layers} layers in place of {fine} and {deep}"));
+    }
+    Ok((plan, paces.cases))
 }
 
 fn read_plan(path: &Path, key: &str) -> Option<(Plan, Vec<Pace>)> {
@@ -195,8 +195,9 @@ struct Work<'a> {
     state: &'a mut State,
     begin: Instant,
     progress: &'a dyn Progress,
-    paces: &'a [Pace],
     cut: Vec<String>,
+    /// Seconds that cases took, and those that were expected of them.
+    drift: [f64; 2],
 }
 
 impl Work<'_> {
@@ -204,82 +205,158 @@ impl Work<'_> {
         self.begin.elapsed().as_secs_f64()
     }
 
-    /// The reference: passes in turns to two halves, until it is good enough or its share of the budget is spent.
+    /// Passes of the reference until there are so many, in turns to two halves; those of an earlier run from its state.
     fn reference(
         &mut self,
         bench: &mut Bench<'_>,
-        scene: &Path,
         set: &[String],
-    ) -> Result<(Halves, Reference), StudyError> {
-        let nothing = || StudyError::Nothing(scene.display().to_string());
-        let seeds: Vec<u32> = (0..MOST_PASSES).map(|pass| bench.reference_seed(pass)).collect();
-        let keys: Vec<String> = seeds.iter().map(|&seed| bench.key(set, seed)).collect();
-        let mut sums = Sums::default();
-        let before: Vec<_> = keys.iter().map_while(|key| self.state.find(key)).collect();
-        for (measured, picture) in before {
-            sums.add(&measured, picture);
-            self.progress.advance((1000.0 * measured.seconds()[1]) as u64);
-        }
-        let enough = |sums: &Sums, elapsed: f64| {
-            let spent = self.options.budget.is_some_and(|budget| elapsed > FOR_REFERENCE * budget);
-            let pair = sums.count >= 2 && sums.count.is_multiple_of(2);
-            pair && (spent || sums.count >= MOST_PASSES || sums.halves().is_none_or(|h| h.standard_error() < ENOUGH))
-        };
-        while !enough(&sums, self.elapsed()) {
-            // In pairs, so that both halves stay of one size.
-            let next = sums.count as usize..(sums.count as usize / 2 * 2 + 2).min(seeds.len());
+        sums: &mut Sums,
+        most: u32,
+    ) -> Result<(), StudyError> {
+        // Photons are drawn before the first pass: each half needs its own.
+        let at_once = if bench.facts().effects.photons { 1 } else { 2 };
+        while sums.count < most && (sums.count < 2 || !sums.count.is_multiple_of(2) || self.time_for_passes(sums)) {
+            let seeds: Vec<u32> = (sums.count..sums.count + at_once).map(|pass| bench.reference_seed(pass)).collect();
+            let before: Vec<_> = seeds.iter().map_while(|&seed| self.state.find(&bench.key(set, seed))).collect();
+            let found = before.len();
+            for (measured, picture) in before {
+                self.progress.advance((1000.0 * measured.seconds()[1]) as u64);
+                sums.add(&measured, picture);
+            }
             let (state, progress) = (&mut *self.state, self.progress);
             let path = self.options.folder.clone();
-            bench.passes("reference", set, &seeds[next], |measured, picture| {
+            if found == seeds.len() {
+                continue;
+            }
+            bench.passes("reference", set, &seeds[found..], |measured, picture| {
                 progress.advance((1000.0 * measured.seconds()[1]) as u64);
                 state.keep(&measured, &picture).map_err(|e| output_error(&path, &e))?;
                 sums.add(&measured, picture);
                 Ok(())
             })?;
         }
-        let halves = sums.halves().ok_or_else(nothing)?;
-        let found = Reference {
-            set: set.to_vec(),
-            passes: sums.count,
-            standard_error: halves.standard_error(),
-            cpu_seconds: sums.cpu,
-            seen: halves.seen(),
-        };
-        Ok((halves, found))
+        Ok(())
     }
 
-    /// All repetitions of a case; none where the budget is spent.
-    fn case(&mut self, bench: &mut Bench<'_>, index: usize, case: &Case) -> Result<Option<Repetitions>, StudyError> {
-        let (mut all, mut pictures) = (Vec::new(), Vec::new());
-        let label = format!("{} = {}", case.setting, case.value);
-        let pixels = bench.size().iter().map(|&side| f64::from(side)).product();
-        let expected = self.paces.get(index).map_or(0.0, |pace| pace.of(pixels));
-        for repeat in 0..self.options.repeats {
-            let seed = bench.repeat_seed(repeat);
-            let (measured, picture) = match self.state.find(&bench.key(&case.set, seed)) {
-                Some(found) => found,
-                None => {
-                    let over = |budget: f64| self.elapsed() + expected > budget;
-                    // The first of all is done in any case: without it there is nothing to show.
-                    if index > 0 && self.options.budget.is_some_and(over) {
-                        self.cut.push(format!(
-                            "{label}: {repeat} of {} repetitions: the time was up",
-                            self.options.repeats
-                        ));
-                        break;
-                    }
-                    let done = bench.render(&label, &case.set, seed)?;
-                    let folder = &self.options.folder;
-                    self.state.keep(&done.0, &done.1).map_err(|e| output_error(folder, &e))?;
-                    done
-                }
-            };
-            self.progress.advance((1000.0 * expected) as u64);
-            all.push(measured);
-            pictures.push(picture.rgb);
+    /// More passes, until the best settings err by much more than the reference.
+    fn refine(
+        &mut self,
+        bench: &mut Bench<'_>,
+        set: &[String],
+        sums: &mut Sums,
+        done: &[(usize, Repetitions)],
+    ) -> Result<(), StudyError> {
+        let enough = |halves: Halves| {
+            let errors = done.iter().filter_map(|(_, (_, pictures))| halves.rms(pictures));
+            halves.standard_error() < (SHARE * errors.fold(f64::INFINITY, f64::min)).max(ENOUGH)
+        };
+        while sums.count < MOST_PASSES && self.time_for_passes(sums) && !sums.halves().is_none_or(enough) {
+            let most = sums.count + 2;
+            self.reference(bench, set, sums, most)?;
         }
-        Ok((!all.is_empty()).then_some((all, pictures)))
+        Ok(())
     }
+
+    /// Whether there is time for two more passes.
+    fn time_for_passes(&self, sums: &Sums) -> bool {
+        let two = 2.0 * sums.wall / f64::from(sums.count.max(1));
+        self.options.budget.is_none_or(|budget| self.elapsed() + two < FOR_RENDERS * budget)
+    }
+
+    /// As many cases as there is time for, with their numbers and in their order: all once, then again.
+    fn cases(
+        &mut self,
+        bench: &mut Bench<'_>,
+        cases: &[Case],
+        paces: &[Pace],
+    ) -> Result<Vec<(usize, Repetitions)>, StudyError> {
+        let pixels: f64 = bench.size().map(f64::from).iter().product();
+        // Those that take least first, so that it is the dear ones that are missed where the time is up before the end; of those that take the same, the
+        // coarse ends of all settings.
+        let step = |index: usize| (0..index).filter(|&i| cases[i].setting == cases[index].setting).count();
+        let mut order: Vec<usize> = (0..cases.len()).collect();
+        order.sort_by_key(|&index| step(index));
+        order.sort_by(|&a, &b| paces[a].of(pixels).total_cmp(&paces[b].of(pixels)));
+        order.sort_by_key(|&index| index > 0);
+        let mut done: Vec<Repetitions> = vec![Repetitions::default(); cases.len()];
+        for repeat in 0..self.options.repeats {
+            for &index in &order {
+                if done[index].0.len() < repeat as usize {
+                    continue;
+                }
+                // Of a setting's values the later take more: as much more as the last that are done.
+                let setting = &cases[index].setting;
+                let seconds = |i: usize| done[i].0.last().map(|measured| measured.seconds()[1]);
+                let mut earlier = (0..index).rev().filter(|&i| cases[i].setting == *setting).filter_map(seconds);
+                let [last, before] = [earlier.next(), earlier.next()];
+                let growth = last.zip(before).map_or(1.0, |(last, before)| (last / before).clamp(1.0, 8.0));
+                let known = seconds(index).unwrap_or(growth * last.unwrap_or(0.0));
+                let planned = paces[index].of(pixels);
+                if let Some((measured, picture)) = self.case(bench, index, &cases[index], repeat, [known, planned])? {
+                    done[index].0.push(measured);
+                    done[index].1.push(picture.rgb);
+                }
+            }
+        }
+        self.cut.extend(missed(cases, &done, self.options.repeats));
+        Ok(done.into_iter().enumerate().filter(|(_, (all, _))| !all.is_empty()).collect())
+    }
+
+    /// One repetition of a case; none where the budget is spent. Its time is at least the first of two numbers, and was planned to be the second.
+    fn case(
+        &mut self,
+        bench: &mut Bench<'_>,
+        index: usize,
+        case: &Case,
+        repeat: u32,
+        [known, planned]: [f64; 2],
+    ) -> Result<Option<(Measured, Picture)>, StudyError> {
+        let seed = bench.repeat_seed(repeat);
+        if let Some(found) = self.state.find(&bench.key(&case.set, seed)) {
+            self.progress.advance((1000.0 * planned) as u64);
+            return Ok(Some(found));
+        }
+        // What other work on the machine and a guess from few pixels make of it.
+        let [took, expected] = self.drift;
+        let factor = if took > 1.0 { (took / expected).clamp(0.1, 4.0) } else { 1.0 };
+        let over = |budget: f64| self.elapsed() + (factor * planned).max(known) > FOR_CASES * budget;
+        // The first of all is done in any case: without it there is nothing to show.
+        if (index > 0 || repeat > 0) && self.options.budget.is_some_and(over) {
+            return Ok(None);
+        }
+        let done = bench.render(&format!("{} = {}", case.setting, case.value), &case.set, seed)?;
+        self.drift[0] += done.0.seconds()[1];
+        self.drift[1] += planned;
+        let folder = &self.options.folder;
+        self.state.keep(&done.0, &done.1).map_err(|e| output_error(folder, &e))?;
+        self.progress.advance((1000.0 * planned) as u64);
+        Ok(Some(done))
+    }
+}
+
+/// What was missed for want of time, in words: a line a setting.
+fn missed(cases: &[Case], done: &[Repetitions], repeats: u32) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    let values = |setting: &str, rendered: usize| {
+        let of = cases.iter().zip(done).filter(|(case, (all, _))| case.setting == setting && all.len() == rendered);
+        of.map(|(case, _)| case.value.as_str()).collect::<Vec<_>>().join(", ")
+    };
+    let mut settings: Vec<&str> = cases.iter().map(|case| case.setting.as_str()).collect();
+    settings.dedup();
+    for setting in settings {
+        let missing = values(setting, 0);
+        if !missing.is_empty() {
+            lines.push(format!("{setting}: {missing} left out, there was no time for it"));
+        }
+    }
+    let fewer = done.iter().filter(|(all, _)| !all.is_empty() && all.len() < repeats as usize).count();
+    if fewer > 0 {
+        let all = done.iter().filter(|(all, _)| !all.is_empty()).count();
+        lines.push(format!(
+            "{fewer} of {all} settings were rendered fewer than {repeats} times; where it was once, noise counts as bias"
+        ));
+    }
+    lines
 }
 
 /// What the repetitions of a case took, and their pictures.
@@ -292,6 +369,7 @@ struct Sums {
     counts: [f32; 2],
     count: u32,
     cpu: f64,
+    wall: f64,
 }
 
 impl Sums {
@@ -309,7 +387,14 @@ impl Sums {
             }
         }
         self.count += 1;
-        self.cpu += measured.seconds()[0];
+        let [cpu, wall] = measured.seconds();
+        self.cpu += cpu;
+        self.wall += wall;
+    }
+
+    fn found(&self, set: Vec<String>, halves: &Halves) -> Reference {
+        let (standard_error, seen) = (halves.standard_error(), halves.seen());
+        Reference { set, passes: self.count, standard_error, cpu_seconds: self.cpu, seen }
     }
 
     fn halves(&self) -> Option<Halves> {

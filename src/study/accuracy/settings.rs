@@ -13,6 +13,8 @@ pub struct Facts {
     pub segments: usize,
     /// Size of the scene, in scene units.
     pub size: f64,
+    /// Whether the environment is a picture whose small sources the scene leaves in it.
+    pub sources_left: bool,
 }
 
 impl Facts {
@@ -38,6 +40,7 @@ pub struct Swept {
     pub key: &'static str,
     /// What it is, for readers.
     pub name: &'static str,
+    /// From those that take least time to those that take most, as far as that is known.
     pub values: Values,
     /// Settings that it needs beside it.
     pub with: &'static [&'static str],
@@ -82,6 +85,17 @@ fn no_thinning(facts: &Facts) -> Option<&'static str> {
 fn no_light_around(facts: &Facts) -> Option<&'static str> {
     let e = &facts.effects;
     unless(e.environment || e.area_lights || e.reflection, "no light comes from all around")
+}
+
+fn no_photons(facts: &Facts) -> Option<&'static str> {
+    unless(facts.effects.photons, "no light is reflected more than once, or the scene asks for fewer reflections")
+}
+
+fn no_small_sources(facts: &Facts) -> Option<&'static str> {
+    unless(
+        facts.effects.small_sources || facts.sources_left,
+        "the environment is no picture, or one without spots that the igloo's faces would blur too much",
+    )
 }
 
 /// All settings of the sweep, one at a time around the scene's own.
@@ -131,14 +145,14 @@ pub const SWEPT: &[Swept] = &[
     Swept {
         key: "occlusion.thinning.fraction",
         name: "thinning: fraction",
-        values: Values::Given(&["0.5", "0.2", "0.05"]),
+        values: Values::Given(&["0.05", "0.2", "0.5"]),
         with: IGLOO,
         idle: no_thinning,
     },
     Swept {
         key: "occlusion.thinning.distance_unit",
         name: "thinning: distance unit",
-        values: Values::Sizes(&[0.3, 0.1, 0.03]),
+        values: Values::Sizes(&[0.03, 0.1, 0.3]),
         with: IGLOO,
         idle: no_thinning,
     },
@@ -162,6 +176,27 @@ pub const SWEPT: &[Swept] = &[
         values: Values::Given(&["16", "64", "256"]),
         with: &[],
         idle: |facts| unless(facts.effects.surfaces, "the scene has no visible surface"),
+    },
+    Swept {
+        key: "environment.sources",
+        name: "small sources of the environment",
+        values: Values::Given(&["none", "auto"]),
+        with: &[],
+        idle: no_small_sources,
+    },
+    Swept {
+        key: "indirect.mode",
+        name: "reflections",
+        values: Values::Given(&["none", "single-bounce"]),
+        with: &[],
+        idle: no_photons,
+    },
+    Swept {
+        key: "indirect.photons",
+        name: "photons",
+        values: Values::Given(&["20000", "60000", "600000", "2000000"]),
+        with: &[],
+        idle: no_photons,
     },
     Swept {
         key: "sampling.passes",
@@ -201,16 +236,13 @@ pub fn knob(values: &[&str; 5], facts: &Facts) -> Vec<String> {
     pairs.map(|(key, value)| format!("{key}={value}")).collect()
 }
 
-/// Faces a hemisphere and layers of references, from coarse to fine; the finest that the time allows is taken. What is left of the error of faces falls with
-/// their number.
-pub const REFERENCES: [[u32; 2]; 3] = [[64, 32], [128, 64], [256, 256]];
-
-/// How many times as long each takes as the second, roughly: by faces and by the layers that most pixels have.
-pub const REFERENCE_WORK: [f64; 3] = [0.35, 1.0, 3.5];
+/// Faces a hemisphere, layers and photons of references, from coarse to fine; the finest that the time allows is taken. Layers come first: where a pixel sees
+/// much hair, few of them leave a far larger error than few faces.
+pub const REFERENCES: [[u32; 3]; 3] = [[25, 128, 400_000], [64, 256, 1_000_000], [128, 256, 2_000_000]];
 
 /// What a reference is rendered with, beside a seed and a number of passes.
 #[must_use]
-pub fn reference(facts: &Facts, [faces, layers]: [u32; 2]) -> Vec<String> {
+pub fn reference(facts: &Facts, [faces, layers, photons]: [u32; 3]) -> Vec<String> {
     let mut set = Vec::new();
     if no_light_around(facts).is_none() {
         set.push(format!("occlusion.faces={faces}"));
@@ -226,6 +258,12 @@ pub fn reference(facts: &Facts, [faces, layers]: [u32; 2]) -> Vec<String> {
     }
     if facts.effects.surfaces {
         set.push("sampling.surface_samples=64".to_owned());
+    }
+    if no_photons(facts).is_none() {
+        set.push(format!("indirect.photons={photons}"));
+    }
+    if facts.sources_left {
+        set.push("environment.sources=auto".to_owned());
     }
     set
 }
