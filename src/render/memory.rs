@@ -34,6 +34,8 @@ const OBJ_BYTE: u64 = 12;
 const OBJ_TRIANGLE: u64 = 20;
 /// Triangles of a sphere.
 const SPHERE_TRIANGLES: u64 = 20_480;
+/// A pixel's sums over passes, in `f64`.
+const PASS_PIXEL: u64 = 240;
 /// A photon that is kept, and its share of the trees over them while they are built.
 const PHOTON: u64 = 120;
 /// Surfaces of medium grey reflect a photon as often, on the average.
@@ -255,6 +257,10 @@ impl Counts {
             let shading = 3 * size_of::<Pixel>() as u64;
             let writing = size_of::<Pixel>() as u64 + 2 * 4 * output::channel_count(&description.output.layers) as u64;
             sum.add(format!("the picture of {pixels} pixels"), pixels * shading.max(writing));
+            let passes = description.passes();
+            if passes > 1 {
+                sum.add(format!("the mean of {passes} passes"), pixels * (PASS_PIXEL + size_of::<Pixel>() as u64));
+            }
         }
         sum
     }

@@ -80,11 +80,14 @@ fn render_here(
 ) -> Result<(Film, Statistics), RenderError> {
     let (seed, passes) = (scene.description().sampling.seed, scene.description().passes());
     let mut prepared = Prepared::new(scene, options, progress)?;
-    let mut mean = Mean::new(prepared.pass(seed, progress)?);
-    for pass in 1..passes {
-        mean.add(&prepared.pass(pass_seed(seed, pass), progress)?);
+    let mut film = prepared.pass(seed, progress)?;
+    if passes > 1 {
+        let mut mean = Mean::new(film);
+        for pass in 1..passes {
+            mean.add(&prepared.pass(pass_seed(seed, pass), progress)?);
+        }
+        film = mean.film();
     }
-    let film = mean.film();
     let mut statistics = prepared.statistics().clone();
     statistics.mean = film.mean_beauty().to_array();
     Ok((film, statistics))

@@ -59,6 +59,7 @@ fn a_sum_beyond_all_numbers_is_counted() {
     // Beyond what a scene file may say: six suns give the floor 2.4e38, the sky 1.4e38. Each is a number, their sum is none.
     let light = DirectLight::Directional { toward: Vec3::Y, irradiance: Vec3::splat(2.5e38) };
     scene.direct = vec![Lamp { light, blocked: true }; 6];
+    scene.shadows = vec![scene.shadows[0].clone(); 6];
     scene.radiance = Radiance::Uniform(Vec3::splat(2.8e38));
     let (film, statistics) = render::render(&mut scene, &Options::default(), &Unwatched).expect("a picture");
     assert!(film.pixels.iter().all(|pixel| pixel.beauty.is_finite()));
