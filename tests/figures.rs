@@ -75,7 +75,7 @@ fn coloured_lamps_colour_the_sides_that_see_them() {
     let drawn = draw(12, [80, 80], &[]);
     let lamps = &drawn.panels[1];
     let (left, right) = (mean(&part(lamps, [0.2, 0.4, 0.35, 0.6])), mean(&part(lamps, [0.65, 0.4, 0.8, 0.6])));
-    let top = mean(&part(lamps, [0.4, 0.08, 0.6, 0.2]));
+    let top = mean(&part(lamps, [0.55, 0.08, 0.75, 0.16]));
     println!("left {left:?}, right {right:?}, top {top:?}");
     assert!(left[0] > 2.0 * left[2] && right[2] > 2.0 * right[0], "red from the left, blue from the right");
     assert!(top[1] > top[0].max(top[2]), "green from behind");
