@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::scene::description::{IndirectMode, Layer, OcclusionMode, Shadows};
+use crate::scene::description::{EffectName, IndirectMode, Layer, OcclusionMode, Shadows};
 use crate::scene::{HairShading, Scene};
 
 /// One effect, and why it is on or off.
@@ -108,41 +108,32 @@ impl Effects {
         }
     }
 
-    /// The plan in words, and what the scene file leaves out.
-    pub fn list_for(&self, scene: &Scene) -> Vec<Effect> {
-        let mut list = self.list();
-        for left_out in &scene.description().effects.without {
-            let name = serde_json::to_value(left_out).ok().and_then(|name| name.as_str().map(ToOwned::to_owned));
-            for effect in list.iter_mut().filter(|effect| {
-                let key = effect.name.replace(' ', "-");
-                name.as_ref().is_some_and(|name| key == *name || key.starts_with(&format!("{name}-by-")))
-            }) {
-                effect.reason = "left out: effects.without names it".to_owned();
-            }
-        }
-        list
-    }
-
-    /// The plan in words.
-    pub fn list(&self) -> Vec<Effect> {
-        let say = |name, on, because: &'static str, lacking: &'static str| Effect {
-            name,
-            on,
-            reason: (if on { because } else { lacking }).to_owned(),
+    /// The plan in words, for a scene from which the effects of `without` are left out.
+    pub fn list(&self, without: &[EffectName]) -> Vec<Effect> {
+        let say_of = |key: Option<EffectName>, name, on, because: &str, lacking: &str| {
+            let left_out = key.is_some_and(|key| without.contains(&key));
+            let reason = match (on, left_out) {
+                (true, _) => because,
+                (false, true) => "left out: effects.without names it",
+                (false, false) => lacking,
+            };
+            Effect { name, on, reason: reason.to_owned() }
         };
+        let say = |name, on, because, lacking| say_of(None, name, on, because, lacking);
+        let can_go = |key, name, on, because, lacking| say_of(Some(key), name, on, because, lacking);
         vec![
-            say("hair", self.hair, "the scene has hair", "the scene has no hair"),
-            say("surfaces", self.surfaces, "the scene has surfaces", "the scene has no visible surface"),
-            say("environment", self.environment, "the environment shines", "the environment is black"),
-            say(
-                "small bright sources",
+            can_go(EffectName::Hair, "hair", self.hair, "the scene has hair", "the scene has no hair"),
+            can_go(EffectName::Surfaces, "surfaces", self.surfaces, "the scene has surfaces", "the scene has no visible surface"),
+            can_go(EffectName::Environment, "environment", self.environment, "the environment shines", "the environment is black"),
+            can_go(
+                EffectName::SmallBrightSources, "small bright sources",
                 self.small_sources,
                 "the environment map has spots that the igloo's faces would blur too much",
                 "no environment map, no spot in it that is worth it, or environment.sources is none",
             ),
-            say("area lights", self.area_lights, "the scene has area lights", "the scene has no area light"),
-            say(
-                "point, spot and directional lights",
+            can_go(EffectName::AreaLights, "area lights", self.area_lights, "the scene has area lights", "the scene has no area light"),
+            can_go(
+                EffectName::PointAndDirectionalLights, "point, spot and directional lights",
                 self.direct_lights,
                 "the scene has such lights",
                 "the scene has no such light",
@@ -165,26 +156,26 @@ impl Effects {
                 "a light's shadows are map, and there is hair",
                 "no light's shadows are map, or there is no hair",
             ),
-            say(
-                "light reflected by surfaces",
+            can_go(
+                EffectName::LightReflectedBySurfaces, "light reflected by surfaces",
                 self.reflection,
                 "lit surfaces reflect light",
                 "no lit surface reflects light, or indirect.mode is none",
             ),
-            say(
-                "more than one reflection",
+            can_go(
+                EffectName::MoreThanOneReflection, "more than one reflection",
                 self.photons,
                 "indirect.mode is photons and lit surfaces reflect light",
                 "no lit surface reflects light, or another indirect.mode",
             ),
-            say(
-                "hair occlusion by projection",
+            can_go(
+                EffectName::HairOcclusion, "hair occlusion by projection",
                 self.projected_occlusion,
                 "occlusion.mode is igloo or auto and light arrives from all around",
                 "no hair, no light from around, or another occlusion.mode",
             ),
-            say(
-                "hair occlusion by rays",
+            can_go(
+                EffectName::HairOcclusion, "hair occlusion by rays",
                 self.raytraced_occlusion,
                 "occlusion.mode is raytraced or auto and light arrives from all around",
                 "no hair, no light from around, or another occlusion.mode",
@@ -207,8 +198,8 @@ impl Effects {
                 "hair has shading = \"kajiya-kay\", the default",
                 "no hair has shading = \"kajiya-kay\"",
             ),
-            say(
-                "highlight",
+            can_go(
+                EffectName::Highlight, "highlight",
                 self.highlight,
                 "hair has a specular colour",
                 "no hair of shading = \"kajiya-kay\" has a specular colour",
@@ -226,5 +217,46 @@ impl Effects {
                 "output.layers does not ask for it",
             ),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_left_out_says_so_and_nothing_else_does() {
+        // Nothing is on: an empty scene's plan.
+        let none = Effects {
+            hair: false,
+            surfaces: false,
+            environment: false,
+            small_sources: false,
+            area_lights: false,
+            direct_lights: false,
+            raytraced_shadows: false,
+            deep_maps: false,
+            shadow_maps: false,
+            reflection: false,
+            photons: false,
+            projected_occlusion: false,
+            raytraced_occlusion: false,
+            calibration: false,
+            hair_rays: false,
+            kajiya_kay: false,
+            highlight: false,
+            marschner: false,
+            unoccluded_layer: false,
+        };
+        let left_out = |without: &[EffectName]| {
+            let list = none.list(without).into_iter();
+            list.filter(|effect| effect.reason.contains("effects.without")).map(|effect| effect.name).collect::<Vec<_>>()
+        };
+        assert!(left_out(&[]).is_empty());
+        assert_eq!(left_out(&[EffectName::PointAndDirectionalLights]), ["point, spot and directional lights"]);
+        assert_eq!(left_out(&[EffectName::HairOcclusion]), ["hair occlusion by projection", "hair occlusion by rays"]);
+        assert_eq!(left_out(&[EffectName::Hair]), ["hair"]);
+        let on = Effects { hair: true, ..none };
+        assert!(!on.list(&[EffectName::Hair])[0].reason.contains("without"));
     }
 }

@@ -13,7 +13,7 @@ use crate::effects::{Effect, Effects};
 use crate::render::memory::{Part, Work, amount, estimate};
 use crate::render::progress::Progress;
 use crate::render::{self, Options, Statistics};
-use crate::scene::{Document, Scene};
+use crate::scene::Scene;
 
 /// Pixels of the probe.
 const PROBE: f64 = 48.0 * 48.0;
@@ -53,19 +53,13 @@ struct Plan {
     #[serde(skip_serializing_if = "Option::is_none")]
     cpu_seconds: Option<Vec<Cost>>,
     /// Bytes that are held at the same time at the most.
-    memory: Vec<Memory>,
+    memory: Vec<Part>,
 }
 
 #[derive(Serialize)]
 struct Cost {
     part: String,
     seconds: f64,
-}
-
-#[derive(Serialize)]
-struct Memory {
-    part: String,
-    bytes: u64,
 }
 
 pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Failure> {
@@ -75,19 +69,18 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
     interrupt::install().map_err(|e| Failure::Bug(format!("cannot catch Ctrl-C: {e}")))?;
     let threads = arguments.threads.map(usize::from);
     let memory = estimate(&document, Work::Render { window: None, threads: thread_count(threads) }).parts;
-    let mut scene = Scene::load(document.clone())?;
+    let mut scene = Scene::load(document)?;
     if !verbosity.quiet {
         notes(&scene.notes);
     }
-    let effects = Effects::of(&scene).list_for(&scene);
+    let effects = Effects::of(&scene).list(&scene.description().effects.without);
     let cpu_seconds = if arguments.no_probe {
         None
     } else {
         let reporter = Reporter::new(verbosity);
-        Some(probe(&document, &mut scene, threads, &reporter)?)
+        Some(probe(&mut scene, threads, &reporter)?)
     };
-    let memory = memory.into_iter().map(|Part { what, bytes }| Memory { part: what, bytes }).collect();
-    let plan = Plan { scene: document.path.display().to_string(), effects, cpu_seconds, memory };
+    let plan = Plan { scene: scene.document.path.display().to_string(), effects, cpu_seconds, memory };
     let text = if arguments.json {
         serde_json::to_string_pretty(&plan).map_err(|e| Failure::Bug(e.to_string()))? + "\n"
     } else {
@@ -97,13 +90,8 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
 }
 
 /// Renders the scene small and scales the times.
-fn probe(
-    document: &Document,
-    scene: &mut Scene,
-    threads: Option<usize>,
-    progress: &dyn Progress,
-) -> Result<Vec<Cost>, Failure> {
-    let [width, height] = document.description.camera.resolution.map(f64::from);
+fn probe(scene: &mut Scene, threads: Option<usize>, progress: &dyn Progress) -> Result<Vec<Cost>, Failure> {
+    let [width, height] = scene.camera.resolution().map(f64::from);
     let shrink = (width * height / PROBE).sqrt().max(1.0);
     let small = [width, height].map(|side| (side / shrink).round().max(1.0) as u32);
     scene.camera = scene.camera.with_resolution(small);
@@ -143,6 +131,6 @@ fn lines(plan: &Plan) -> Vec<String> {
     }
     let all: u64 = plan.memory.iter().map(|part| part.bytes).sum();
     lines.push(format!("memory, from counts: some {} ({} bytes)", amount(all), grouped(all)));
-    lines.extend(plan.memory.iter().map(|part| format!("  {:>9}  {}", amount(part.bytes), part.part)));
+    lines.extend(plan.memory.iter().map(|part| format!("  {:>9}  {}", amount(part.bytes), part.what)));
     lines
 }

@@ -6,6 +6,7 @@
 
 use std::path::Path;
 
+use serde::Serialize;
 use thiserror::Error;
 
 use super::film::Pixel;
@@ -57,9 +58,10 @@ pub enum Work {
 }
 
 /// Something that takes memory.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Part {
     /// What it is, as a user knows it: `hair[0].file (1200000 points)`.
+    #[serde(rename = "part")]
     pub what: String,
     pub bytes: u64,
 }

@@ -58,7 +58,7 @@ impl<'s> Prepared<'s> {
             segments: scene.hair.segments() as u64,
             triangles: scene.surfaces.triangles() as u64,
             threads: rayon::current_num_threads(),
-            effects: effects.list_for(scene),
+            effects: effects.list(&scene.description().effects.without),
             notes: scene.notes.clone(),
             ..Statistics::default()
         };
