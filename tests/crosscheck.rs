@@ -1,12 +1,13 @@
 //! `tress crosscheck` and `tress render --crosscheck` as a user runs them.
 
+#[path = "common/program.rs"]
+mod program;
+
 use std::path::Path;
-use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use program::{interrupt, start, tress, wait};
 use serde_json::Value;
-
-const TRESS: &str = env!("CARGO_BIN_EXE_tress");
 
 const SCENE: &str = r#"
 [camera]
@@ -33,16 +34,7 @@ mode = "none"
 const QUICK: [&str; 4] = ["--points", "60", "--rays", "2000"];
 
 fn folder() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().expect("a folder");
-    std::fs::write(folder.path().join("scene.toml"), SCENE).expect("a scene");
-    folder
-}
-
-/// Exit code, standard output and standard error.
-fn tress(folder: &Path, arguments: &[&str]) -> (Option<i32>, String, String) {
-    let output = Command::new(TRESS).current_dir(folder).args(arguments).output().expect("tress runs");
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    (output.status.code(), text(&output.stdout), text(&output.stderr))
+    program::folder(SCENE)
 }
 
 fn crosscheck(folder: &Path, arguments: &[&str]) -> (Option<i32>, String, String) {
@@ -212,29 +204,11 @@ fn a_render_checks_itself() {
 fn ctrl_c_stops_soon_and_leaves_no_file() {
     let folder = folder();
     let arguments = ["crosscheck", "scene.toml", "--rays", "100000000", "--json", "a.json", "--plot", "a.svg"];
-    let mut child = Command::new(TRESS)
-        .current_dir(folder.path())
-        .args(arguments)
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .expect("tress runs");
+    let mut child = start(folder.path(), &arguments);
     std::thread::sleep(Duration::from_secs(2));
     assert!(child.try_wait().expect("a child").is_none(), "still comparing");
-    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
-    assert!(sent.success());
-    let begin = Instant::now();
-    let status = loop {
-        match child.try_wait().expect("a child") {
-            Some(status) => break status,
-            // A second is the promise; a busy machine gets four.
-            None if begin.elapsed() > Duration::from_secs(4) => {
-                child.kill().expect("a child");
-                panic!("it did not stop");
-            }
-            None => std::thread::sleep(Duration::from_millis(10)),
-        }
-    };
-    assert_eq!(status.code(), Some(130));
+    interrupt(&child);
+    // A second is the promise; a busy machine gets four.
+    assert_eq!(wait(&mut child, Duration::from_secs(4)), Some(130));
     assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 1);
 }

@@ -1,16 +1,18 @@
 //! Writing where it cannot be done, and work that is broken off: never a damaged image, never a good one lost, and a message
 //! with the exit code that says what happened.
 
+#[path = "common/program.rs"]
+mod program;
+
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Output};
 use std::time::Duration;
 
+use program::{TRESS, start, told};
 use tress::hash::unit;
 use tress::image::{self, Limits};
-
-const TRESS: &str = env!("CARGO_BIN_EXE_tress");
 
 const SCENE: &str = r#"
 camera = { position = [0, 1, 4], resolution = [40, 32] }
@@ -28,17 +30,18 @@ opening = 1
 "#;
 
 fn folder() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().expect("a folder");
-    fs::write(folder.path().join("scene.toml"), SCENE).expect("a scene");
-    folder
+    program::folder(SCENE)
 }
 
+/// Exit code and standard error.
 fn tress(folder: &Path, arguments: &[&str]) -> (Option<i32>, String) {
-    said(&Command::new(TRESS).current_dir(folder).args(arguments).output().expect("tress runs"))
+    let (code, _, said) = program::tress(folder, arguments);
+    (code, said)
 }
 
 fn said(output: &Output) -> (Option<i32>, String) {
-    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    let (code, _, said) = told(output);
+    (code, said)
 }
 
 /// Runs a shell script in a folder; `$TRESS` is the program.
@@ -215,18 +218,13 @@ fn a_killed_render_leaves_a_whole_image() {
     let folder = folder();
     let image = folder.path().join("a.exr");
     let arguments = ["render", "scene.toml", "-q", "-o", "a.exr", "--resolution", "160x128"];
-    let start = std::time::Instant::now();
+    let begun = std::time::Instant::now();
     assert_eq!(tress(folder.path(), &arguments).0, Some(0));
-    let whole = start.elapsed();
+    let whole = begun.elapsed();
     let good = fs::read(&image).unwrap();
     let (mut killed, mut left) = (0, 0);
     for run in 0..50 {
-        let mut child = Command::new(TRESS)
-            .current_dir(folder.path())
-            .args(arguments)
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("tress runs");
+        let mut child = start(folder.path(), &arguments);
         // Most of them near the end, where the file is written.
         let share = if run % 5 == 0 { unit(&[run]) } else { 0.7 + 0.4 * unit(&[run]) };
         std::thread::sleep(Duration::from_secs_f64(whole.as_secs_f64() * share));

@@ -1,7 +1,9 @@
 //! `tress figure` as a user runs it.
 
+#[path = "common/program.rs"]
+mod program;
+
 use std::path::Path;
-use std::process::Command;
 
 use tress::image::{self, Limits};
 
@@ -40,9 +42,10 @@ crop = [8, 4, 12, 8]
 enlarge = 3
 "#;
 
+/// Exit code and standard error.
 fn tress(folder: &Path, arguments: &[&str]) -> (Option<i32>, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_tress")).current_dir(folder).args(arguments).output().unwrap();
-    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    let (code, _, said) = program::tress(folder, arguments);
+    (code, said)
 }
 
 fn folder() -> tempfile::TempDir {

@@ -1,12 +1,13 @@
 //! `tress render` as a user runs it: files, metadata, exit codes, Ctrl-C.
 
+#[path = "common/program.rs"]
+mod program;
+
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use program::{interrupt, start, wait};
 use tress::image;
-
-const TRESS: &str = env!("CARGO_BIN_EXE_tress");
 
 const SCENE: &str = r#"
 [camera]
@@ -30,14 +31,13 @@ layers = ["beauty", "alpha", "direct", "environment", "environment-unoccluded", 
 "#;
 
 fn folder() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().expect("a folder");
-    std::fs::write(folder.path().join("scene.toml"), SCENE).expect("a scene");
-    folder
+    program::folder(SCENE)
 }
 
+/// Exit code and standard error.
 fn tress(folder: &Path, arguments: &[&str]) -> (Option<i32>, String) {
-    let output = Command::new(TRESS).current_dir(folder).args(arguments).output().expect("tress runs");
-    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    let (code, _, said) = program::tress(folder, arguments);
+    (code, said)
 }
 
 #[test]
@@ -160,34 +160,16 @@ fn faults_have_their_exit_codes_and_leave_files_alone() {
     assert_eq!(std::fs::read_to_string(folder.path().join("good.exr")).expect("still there"), "precious");
 }
 
-fn wait(child: &mut Child, limit: Duration) -> Option<i32> {
-    let begin = Instant::now();
-    while begin.elapsed() < limit {
-        if let Some(status) = child.try_wait().expect("a child") {
-            return status.code();
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    child.kill().expect("a child");
-    panic!("it did not stop within {limit:?}");
-}
-
 #[test]
 fn ctrl_c_stops_soon_and_leaves_no_file() {
     let folder = folder();
     // Far more work than the test waits for.
     let arguments =
         ["render", "scene.toml", "-o", "long.exr", "--resolution", "2000x2000", "--set", "occlusion.faces=2000"];
-    let mut child = Command::new(TRESS)
-        .current_dir(folder.path())
-        .args(arguments)
-        .stderr(Stdio::null())
-        .spawn()
-        .expect("tress runs");
+    let mut child = start(folder.path(), &arguments);
     std::thread::sleep(Duration::from_secs(2));
     assert!(child.try_wait().expect("a child").is_none(), "still rendering");
-    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
-    assert!(sent.success());
+    interrupt(&child);
     // A second is the promise; a busy machine gets four.
     assert_eq!(wait(&mut child, Duration::from_secs(4)), Some(130));
     let left: Vec<_> =

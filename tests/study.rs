@@ -1,17 +1,17 @@
 //! `tress study` and renders to an error, as a user runs them.
 
 mod common;
+#[path = "common/program.rs"]
+mod program;
 
 use std::path::Path;
-use std::process::{Command, Stdio};
 use std::time::Duration;
 
+use program::{interrupt, start, tress};
 use tress::image;
 use tress::render::progress::Unwatched;
 use tress::render::{self, Film, Mean, Options, Prepared, pass_seed};
 use tress::study::controlled::{Goal, render_to};
-
-const TRESS: &str = env!("CARGO_BIN_EXE_tress");
 
 const SCENE: &str = r#"
 [camera]
@@ -30,15 +30,7 @@ accuracy = 0.02
 "#;
 
 fn folder() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().expect("a folder");
-    std::fs::write(folder.path().join("scene.toml"), SCENE).expect("a scene");
-    folder
-}
-
-fn tress(folder: &Path, arguments: &[&str]) -> (Option<i32>, String, String) {
-    let output = Command::new(TRESS).current_dir(folder).args(arguments).output().expect("tress runs");
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    (output.status.code(), text(&output.stdout), text(&output.stderr))
+    program::folder(SCENE)
 }
 
 #[test]
@@ -46,12 +38,7 @@ fn tress(folder: &Path, arguments: &[&str]) -> (Option<i32>, String, String) {
 fn a_study_is_interrupted_and_goes_on() {
     let folder = folder();
     let arguments = ["study", "scene.toml", "-o", "out", "--budget", "40s", "-q"];
-    let mut child = Command::new(TRESS)
-        .current_dir(folder.path())
-        .args(arguments)
-        .stderr(Stdio::null())
-        .spawn()
-        .expect("tress runs");
+    let mut child = start(folder.path(), &arguments);
     let state = folder.path().join("out/state.jsonl");
     let lines = || std::fs::read_to_string(&state).map_or(0, |text| text.lines().count());
     for _ in 0..1200 {
@@ -60,8 +47,7 @@ fn a_study_is_interrupted_and_goes_on() {
         }
         std::thread::sleep(Duration::from_millis(50));
     }
-    let pid = child.id().to_string();
-    assert!(Command::new("kill").args(["-INT", &pid]).status().expect("kill runs").success());
+    interrupt(&child);
     let code = child.wait().expect("a status").code();
     assert!(code == Some(130) || code == Some(0), "{code:?}");
     let before = lines();
