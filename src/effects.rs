@@ -123,17 +123,37 @@ impl Effects {
         let can_go = |key, name, on, because, lacking| say_of(Some(key), name, on, because, lacking);
         vec![
             can_go(EffectName::Hair, "hair", self.hair, "the scene has hair", "the scene has no hair"),
-            can_go(EffectName::Surfaces, "surfaces", self.surfaces, "the scene has surfaces", "the scene has no visible surface"),
-            can_go(EffectName::Environment, "environment", self.environment, "the environment shines", "the environment is black"),
             can_go(
-                EffectName::SmallBrightSources, "small bright sources",
+                EffectName::Surfaces,
+                "surfaces",
+                self.surfaces,
+                "the scene has surfaces",
+                "the scene has no visible surface",
+            ),
+            can_go(
+                EffectName::Environment,
+                "environment",
+                self.environment,
+                "the environment shines",
+                "the environment is black",
+            ),
+            can_go(
+                EffectName::SmallBrightSources,
+                "small bright sources",
                 self.small_sources,
                 "the environment map has spots that the igloo's faces would blur too much",
                 "no environment map, no spot in it that is worth it, or environment.sources is none",
             ),
-            can_go(EffectName::AreaLights, "area lights", self.area_lights, "the scene has area lights", "the scene has no area light"),
             can_go(
-                EffectName::PointAndDirectionalLights, "point, spot and directional lights",
+                EffectName::AreaLights,
+                "area lights",
+                self.area_lights,
+                "the scene has area lights",
+                "the scene has no area light",
+            ),
+            can_go(
+                EffectName::PointAndDirectionalLights,
+                "point, spot and directional lights",
                 self.direct_lights,
                 "the scene has such lights",
                 "the scene has no such light",
@@ -157,25 +177,29 @@ impl Effects {
                 "no light's shadows are map, or there is no hair",
             ),
             can_go(
-                EffectName::LightReflectedBySurfaces, "light reflected by surfaces",
+                EffectName::LightReflectedBySurfaces,
+                "light reflected by surfaces",
                 self.reflection,
                 "lit surfaces reflect light",
                 "no lit surface reflects light, or indirect.mode is none",
             ),
             can_go(
-                EffectName::MoreThanOneReflection, "more than one reflection",
+                EffectName::MoreThanOneReflection,
+                "more than one reflection",
                 self.photons,
                 "indirect.mode is photons and lit surfaces reflect light",
                 "no lit surface reflects light, or another indirect.mode",
             ),
             can_go(
-                EffectName::HairOcclusion, "hair occlusion by projection",
+                EffectName::HairOcclusion,
+                "hair occlusion by projection",
                 self.projected_occlusion,
                 "occlusion.mode is igloo or auto and light arrives from all around",
                 "no hair, no light from around, or another occlusion.mode",
             ),
             can_go(
-                EffectName::HairOcclusion, "hair occlusion by rays",
+                EffectName::HairOcclusion,
+                "hair occlusion by rays",
                 self.raytraced_occlusion,
                 "occlusion.mode is raytraced or auto and light arrives from all around",
                 "no hair, no light from around, or another occlusion.mode",
@@ -199,7 +223,8 @@ impl Effects {
                 "no hair has shading = \"kajiya-kay\"",
             ),
             can_go(
-                EffectName::Highlight, "highlight",
+                EffectName::Highlight,
+                "highlight",
                 self.highlight,
                 "hair has a specular colour",
                 "no hair of shading = \"kajiya-kay\" has a specular colour",
@@ -250,7 +275,9 @@ mod tests {
         };
         let left_out = |without: &[EffectName]| {
             let list = none.list(without).into_iter();
-            list.filter(|effect| effect.reason.contains("effects.without")).map(|effect| effect.name).collect::<Vec<_>>()
+            list.filter(|effect| effect.reason.contains("effects.without"))
+                .map(|effect| effect.name)
+                .collect::<Vec<_>>()
         };
         assert!(left_out(&[]).is_empty());
         assert_eq!(left_out(&[EffectName::PointAndDirectionalLights]), ["point, spot and directional lights"]);

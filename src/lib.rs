@@ -21,3 +21,4 @@ pub mod surface;
 pub mod transform;
 
 mod file;
+mod z_order;

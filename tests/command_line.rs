@@ -39,6 +39,32 @@ fn check_accepts_a_sound_scene() {
 }
 
 #[test]
+fn check_counts_what_is_left() {
+    let lamp = "[[light.rect]]\ncenter = [0, 5, 0]\nedge_u = [1, 0, 0]\nedge_v = [0, 0, 1]\nradiance = [1, 1, 1]\n";
+    let folder = folder(&format!("{SOUND}{lamp}"));
+    let triangles = |arguments: &[&str]| {
+        let (code, out, err) = run(folder.path(), &[&["check", "scene.toml"], arguments].concat());
+        assert_eq!(code, 0, "{err}");
+        let line = out.lines().find(|line| line.starts_with("  surfaces")).expect("a line").to_owned();
+        line.rsplit_once(": ").expect("a number").1.to_owned()
+    };
+    let all = triangles(&[]);
+    // A lamp is no surface, whether or not it shines.
+    assert_eq!(triangles(&["--without", "area-lights"]), all);
+    assert_eq!(triangles(&["--without", "surfaces"]), "0 triangles");
+}
+
+#[test]
+fn a_plan_tells_what_is_left_out() {
+    let folder = folder(&format!("{SOUND}[[light.point]]\nposition = [0, 3, 0]\nintensity = [1, 1, 1]\n"));
+    let arguments = ["plan", "scene.toml", "--no-probe", "--without", "point-and-directional-lights"];
+    let (code, out, err) = run(folder.path(), &arguments);
+    assert_eq!(code, 0, "{err}");
+    let line = out.lines().find(|line| line.contains("point, spot")).expect("a line");
+    assert!(line.contains("off") && line.contains("effects.without names it"), "{line}");
+}
+
+#[test]
 fn check_lists_every_fault() {
     let folder = folder("fov = 3\n[camera]\nfov = 500\n[[hair]]\nwidht = 1\n");
     let (code, out, err) = run(folder.path(), &["check", "scene.toml", "--set", "occlusion.mode=raytrace"]);

@@ -48,8 +48,7 @@ impl From<AssetError> for Failure {
 fn summary(scene: &Scene) -> String {
     let document = &scene.document;
     let lights = scene.direct.len() + scene.area.len();
-    // Area lights are drawn as two triangles each.
-    let triangles = scene.surfaces.triangles() - 2 * scene.area.len();
+    let triangles = scene.surfaces.mesh_triangles();
     let [width, height] = document.description.camera.resolution;
     [
         format!("{}: sound, {}", document.path.display(), count(document.warnings.len(), "warning")),

@@ -1,6 +1,5 @@
 //! `tress crosscheck`: holds the projection of hair against rays through it, at points of the picture.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::check::notes;
@@ -9,7 +8,6 @@ use super::render::window;
 use super::summary::grouped;
 use super::values::{self, Crop, Resolution};
 use super::{Failure, Overrides, Verbosity, exit, interrupt, load, log, progress::Reporter};
-use crate::file::write_whole;
 use crate::render::memory::Work;
 use crate::render::progress::Progress;
 use crate::scene::Scene;
@@ -62,8 +60,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     let mut overrides = arguments.overrides.all();
-    let size = |r: &Resolution| format!("camera.resolution=[{}, {}]", r.width, r.height);
-    overrides.extend(arguments.resolution.as_ref().map(size));
+    overrides.extend(arguments.resolution.map(Resolution::setting));
     overrides.extend(arguments.seed.map(|seed| format!("sampling.seed={seed}")));
     let document = load(&arguments.scene, &overrides, verbosity)?.at_frame(arguments.frame);
     let settings = Settings {
@@ -99,13 +96,15 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
         exit::print((lines(&report, true).join("\n") + "\n").as_bytes())?;
     }
     if let Some(path) = json {
-        write(path, &json_of(&report)?)?;
+        exit::write_text(path, &json_of(&report)?, "it")?;
     }
     match &arguments.plot {
         Some(path) if report.points.is_empty() => {
             log::say(&format!("note: {}: not written, there are no points to plot", path.display()));
         }
-        Some(path) => write(path, &plot::svg(&report).map_err(|e| Failure::Bug(e.to_string()))?)?,
+        Some(path) => {
+            exit::write_text(path, &plot::svg(&report).map_err(|e| Failure::Bug(e.to_string()))?, "it")?;
+        }
         None => {}
     }
     verdict(&report)
@@ -117,11 +116,6 @@ fn is_svg(path: &Path) -> bool {
 
 fn json_of(report: &Report) -> Result<String, Failure> {
     serde_json::to_string_pretty(report).map(|text| text + "\n").map_err(|e| Failure::Bug(e.to_string()))
-}
-
-fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    write_whole(path, |out| out.write_all(text.as_bytes()))
-        .map_err(|e| Failure::Output(format!("{}: cannot write it: {e}", path.display())))
 }
 
 /// An error where the estimators differ by more than the accuracy.

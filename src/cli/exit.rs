@@ -2,7 +2,10 @@
 
 use std::io::{self, Write};
 use std::panic::{self, AssertUnwindSafe};
+use std::path::Path;
 use std::process::ExitCode;
+
+use crate::file::write_whole;
 
 /// The command line was wrong.
 pub(crate) const USAGE: u8 = 2;
@@ -93,6 +96,12 @@ fn bug_message(info: &panic::PanicHookInfo<'_>) -> String {
         env!("CARGO_PKG_VERSION"),
         text.unwrap_or("no message"),
     )
+}
+
+/// Writes a file of text, whole or not at all; `what` is in the message, as in "cannot write statistics".
+pub(crate) fn write_text(path: &Path, text: &str, what: &str) -> Result<(), Failure> {
+    write_whole(path, |out| out.write_all(text.as_bytes()))
+        .map_err(|e| Failure::Output(format!("{}: cannot write {what}: {e}", path.display())))
 }
 
 /// Writes to standard output. A reader that closed it early (`| head`) has what it wanted: that is no error.

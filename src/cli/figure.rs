@@ -1,11 +1,9 @@
 //! `tress figure`: several pictures side by side.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::values::{self, Resolution};
-use super::{Failure, Overrides, Verbosity, interrupt, log, progress::Reporter};
-use crate::file::write_whole;
+use super::{Failure, Overrides, Verbosity, exit, interrupt, log, progress::Reporter};
 use crate::image::{self, ImageSpec, PixelFormat, RgbImage, display};
 use crate::study::figure::{Drawn, Figure, FigureError, PanelReport};
 
@@ -36,7 +34,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Failure> {
-    let path = file_of(&arguments.figure);
+    let path = file_of(&arguments.figure)?;
     let figure = Figure::read(&path)?;
     image::check_target(&arguments.output).map_err(|e| Failure::Output(e.to_string()))?;
     if let Some(stats) = &arguments.stats {
@@ -47,7 +45,7 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
         return Err(Failure::Output(message));
     }
     let mut overrides = arguments.overrides.all();
-    overrides.extend(arguments.resolution.map(|r| format!("camera.resolution=[{}, {}]", r.width, r.height)));
+    overrides.extend(arguments.resolution.map(Resolution::setting));
     interrupt::install().map_err(|e| Failure::Bug(format!("cannot catch Ctrl-C: {e}")))?;
     let reporter = Reporter::new(verbosity);
     let drawn = figure.draw(&path, &overrides, arguments.threads.map(usize::from), &reporter)?;
@@ -61,9 +59,16 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
 }
 
 /// A number names one of the paper's figures.
-fn file_of(figure: &Path) -> PathBuf {
-    let number = figure.to_str().and_then(|text| text.parse::<u8>().ok());
-    number.map_or_else(|| figure.to_owned(), |number| PathBuf::from(format!("scenes/paper/figure{number:02}.toml")))
+fn file_of(figure: &Path) -> Result<PathBuf, Failure> {
+    let Some(number) = figure.to_str().and_then(|text| text.parse::<u8>().ok()) else { return Ok(figure.to_owned()) };
+    let path = PathBuf::from(format!("scenes/paper/figure{number:02}.toml"));
+    if path.is_file() {
+        return Ok(path);
+    }
+    Err(Failure::Input(format!(
+        "there is no figure {number}: {} is not below the working folder; name a figure file, or one of the paper's figures from tress's own folder",
+        path.display()
+    )))
 }
 
 fn write_all(arguments: &Arguments, drawn: &Drawn) -> Result<(), Failure> {
@@ -75,8 +80,7 @@ fn write_all(arguments: &Arguments, drawn: &Drawn) -> Result<(), Failure> {
     }
     if let Some(path) = &arguments.stats {
         let text = serde_json::to_string_pretty(&drawn.reports).map_err(|e| Failure::Bug(e.to_string()))?;
-        write_whole(path, |out| out.write_all(text.as_bytes()))
-            .map_err(|e| Failure::Output(format!("{}: cannot write statistics: {e}", path.display())))?;
+        exit::write_text(path, &text, "statistics")?;
     }
     let openexr = arguments.output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("exr"));
     if openexr {

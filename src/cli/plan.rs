@@ -64,7 +64,7 @@ struct Cost {
 
 pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Failure> {
     let mut overrides = arguments.overrides.all();
-    overrides.extend(arguments.resolution.map(|r| format!("camera.resolution=[{}, {}]", r.width, r.height)));
+    overrides.extend(arguments.resolution.map(Resolution::setting));
     let document = load(&arguments.scene, &overrides, verbosity)?.at_frame(arguments.frame);
     interrupt::install().map_err(|e| Failure::Bug(format!("cannot catch Ctrl-C: {e}")))?;
     let threads = arguments.threads.map(usize::from);

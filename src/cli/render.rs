@@ -1,16 +1,14 @@
 //! `tress render`: turns the command line and a scene into a [`RenderRequest`].
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::builder::PossibleValuesParser;
 
-use super::exit::print;
+use super::exit::{print, write_text};
 use super::memory::{Memory, thread_count};
 use super::values::{self, Crop, Frames, Resolution};
 use super::{Failure, Overrides, Verbosity, crosscheck, interrupt, load, pixel, progress::Reporter, summary};
 use crate::embree;
-use crate::file::write_whole;
 use crate::fragment::PixelRect;
 use crate::render::memory::Work;
 use crate::render::{self, Options, RenderError, Statistics, output, progress::Progress, statistics::Watch};
@@ -218,10 +216,8 @@ fn render_frame(
 }
 
 fn write_statistics(path: &Path, reports: &[FrameReport]) -> Result<(), Failure> {
-    let failed =
-        |e: &dyn std::fmt::Display| Failure::Output(format!("{}: cannot write statistics: {e}", path.display()));
-    let text = serde_json::to_string_pretty(reports).map_err(|e| failed(&e))?;
-    write_whole(path, |out| out.write_all(text.as_bytes())).map_err(|e| failed(&e))
+    let text = serde_json::to_string_pretty(reports).map_err(|e| Failure::Bug(e.to_string()))?;
+    write_text(path, &text, "statistics")
 }
 
 /// With `--strict`, values that are not finite are a failure; the picture is there all the same.
@@ -291,8 +287,7 @@ pub(super) fn window(crop: Option<Crop>, document: &Document) -> Result<Option<P
 fn settings(arguments: &Arguments) -> Vec<String> {
     let mut settings = arguments.overrides.all();
     settings.extend(arguments.occlusion.as_ref().map(|mode| format!("occlusion.mode={mode}")));
-    let size = |r: &Resolution| format!("camera.resolution=[{}, {}]", r.width, r.height);
-    settings.extend(arguments.resolution.as_ref().map(size));
+    settings.extend(arguments.resolution.map(Resolution::setting));
     settings.extend(arguments.seed.map(|seed| format!("sampling.seed={seed}")));
     settings
 }

@@ -40,7 +40,7 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
     }
     interrupt::install().map_err(|e| Failure::Bug(format!("cannot catch Ctrl-C: {e}")))?;
     let mut overrides = arguments.overrides.all();
-    overrides.extend(arguments.resolution.map(|r| format!("camera.resolution=[{}, {}]", r.width, r.height)));
+    overrides.extend(arguments.resolution.map(Resolution::setting));
     let options = Options {
         overrides,
         folder: folder.clone(),

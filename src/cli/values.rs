@@ -19,6 +19,13 @@ pub struct Resolution {
     pub height: u32,
 }
 
+impl Resolution {
+    /// What it stands for, as after `--set`.
+    pub(crate) fn setting(self) -> String {
+        format!("camera.resolution=[{}, {}]", self.width, self.height)
+    }
+}
+
 /// A size, `WIDTHxHEIGHT` in pixels.
 ///
 /// # Errors

@@ -127,13 +127,16 @@ impl Illumination {
         Some(Incident { toward, distance: f32::INFINITY, irradiance: energy / chance })
     }
 
-    /// Traces photons; nothing where none arrive, or too few for an estimate.
+    /// Traces photons; nothing where hardly any light is reflected twice, or too few arrive for an estimate.
     pub fn photon_map(
         &self,
         settings: &photon::Settings,
         hair: &(impl Fn(Vec3, Vec3, f32) -> f32 + Sync),
     ) -> Option<PhotonMap> {
         let (surfaces, emitter) = (self.surfaces.as_ref()?, Emitter::new(self)?);
+        if !photon::reflects(&emitter, surfaces, settings, hair) {
+            return None;
+        }
         let photons = photon::trace(&emitter, surfaces, settings, hair);
         let fewer = photon::Settings {
             photons: settings.photons.div_ceil(PHOTONS_A_PLACE),

@@ -49,7 +49,7 @@ impl Guide {
     /// comes from above. The mean over uniform numbers in [0, 1)³ is the irradiance of the faces' means.
     pub fn sample(&self, normal: Vec3, [u, v, w]: [f32; 3]) -> Option<(Vec3, Vec3)> {
         if self.even {
-            return Some((cosine_sample(normal, v, w), self.means[0] * PI));
+            return Some((cosine_sample(normal, [v, w]), self.means[0] * PI));
         }
         let weight = |face: usize| self.brightness[face] * self.mean_cosine(self.centers[face].dot(normal));
         let total: f32 = (0..self.means.len()).map(weight).sum();
@@ -81,7 +81,7 @@ impl Guide {
 }
 
 /// A direction around a normal with a density of cosine / π.
-fn cosine_sample(normal: Vec3, v: f32, w: f32) -> Vec3 {
+pub(super) fn cosine_sample(normal: Vec3, [v, w]: [f32; 2]) -> Vec3 {
     let (sin, cos) = (2.0 * PI * v).sin_cos();
     let radius = w.sqrt();
     let frame: Mat3 = frame_around(normal);

@@ -12,6 +12,7 @@ use glam::Vec3;
 use super::Map;
 use super::distribution::Distribution;
 use crate::hash::{hash, to_unit};
+use crate::z_order::z_order_2d;
 
 /// What sources left in the map may err by, as a share of its light, if Γ were as far from its mean over the face as it can be.
 const WORTH: f64 = 0.03;
@@ -105,7 +106,7 @@ impl Source {
     /// Takes what is above the threshold out of the pixels.
     fn new(map: &Map, blob: Blob, threshold: f32, all: f64, pixels: &mut [Vec3]) -> Self {
         let mut places = blob.pixels;
-        let order = |pixel: u32| interleave(pixel % map.width as u32) | interleave(pixel / map.width as u32) << 1;
+        let order = |pixel: u32| z_order_2d(pixel % map.width as u32, pixel / map.width as u32);
         places.sort_unstable_by_key(|&pixel| order(pixel));
         let (mut energy, mut direction) = (Vec3::ZERO, Vec3::ZERO);
         let mut list = Vec::with_capacity(places.len());
@@ -245,16 +246,6 @@ fn blobs(map: &Map, threshold: f32, largest: f64) -> Vec<Blob> {
         }
     }
     found
-}
-
-/// The bits of a number spread to the even places.
-fn interleave(x: u32) -> u64 {
-    let mut bits = u64::from(x);
-    for (shift, mask) in [(16, 0x0000_FFFF_0000_FFFF), (8, 0x00FF_00FF_00FF_00FF), (4, 0x0F0F_0F0F_0F0F_0F0F)] {
-        bits = (bits | (bits << shift)) & mask;
-    }
-    bits = (bits | (bits << 2)) & 0x3333_3333_3333_3333;
-    (bits | (bits << 1)) & 0x5555_5555_5555_5555
 }
 
 #[cfg(test)]

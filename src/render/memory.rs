@@ -17,7 +17,7 @@ use crate::illumination::photon;
 use crate::image;
 use crate::occlusion::ClusterTree;
 use crate::scene::Document;
-use crate::scene::description::{IndirectMode, OcclusionMode, Surface};
+use crate::scene::description::{IndirectMode, OcclusionMode, Shadows, Surface};
 
 /// The program, its libraries and their buffers.
 const PROGRAM: u64 = 120 << 20;
@@ -35,6 +35,8 @@ const OBJ_BYTE: u64 = 12;
 const OBJ_TRIANGLE: u64 = 20;
 /// Triangles of a sphere.
 const SPHERE_TRIANGLES: u64 = 20_480;
+/// Triangles of a teapot.
+const TEAPOT_TRIANGLES: u64 = 43_056;
 /// A pixel's sums over passes, in `f64`.
 const PASS_PIXEL: u64 = 240;
 /// A photon that is kept, and its share of the trees over them while they are built.
@@ -232,10 +234,13 @@ impl Counts {
             );
         }
         let light = &description.light;
-        let direct = !light.point.is_empty() || !light.directional.is_empty();
+        let mut shadows = (light.point.iter().map(|light| light.shadows))
+            .chain(light.spot.iter().map(|light| light.shadows))
+            .chain(light.directional.iter().map(|light| light.shadows));
+        let raytraced_shadows = shadows.any(|shadows| shadows == Shadows::Raytraced);
         let occluded =
             mode != OcclusionMode::None && (mode != OcclusionMode::Igloo || description.occlusion.wants_calibration());
-        if points > 0 && (occluded || direct || !self.surfaces.is_empty() && mode != OcclusionMode::None) {
+        if points > 0 && (occluded || raytraced_shadows || !self.surfaces.is_empty() && mode != OcclusionMode::None) {
             sum.add(format!("Embree's tree over {points} segments"), RAY_SEGMENT * points);
         }
         for (what, triangles, _) in &self.surfaces {
@@ -271,7 +276,11 @@ impl Counts {
 fn surface_counts(document: &Document, index: usize, surface: &Surface) -> (String, u64, u64) {
     let key = format!("surface[{index}]");
     let Some(file) = &surface.file else {
-        let triangles = if surface.sphere.is_some() { SPHERE_TRIANGLES } else { 2 };
+        let triangles = match (&surface.sphere, &surface.teapot) {
+            (Some(_), _) => SPHERE_TRIANGLES,
+            (_, Some(_)) => TEAPOT_TRIANGLES,
+            _ => 2,
+        };
         return (key, triangles, 0);
     };
     let data = document.resolve(file).metadata().ok().filter(|data| data.is_file());

@@ -20,7 +20,10 @@ use crate::occlusion::Transmittance;
 use crate::scene::Scene;
 use crate::scene::description::{Layer, LayerChoice};
 use crate::surface::{SurfacePoint, Surfaces};
+use crate::z_order::z_order;
 
+/// Half the side of the cube in which points are lit in spatial order, in render units: neighbours share their way through trees.
+const SPACE: f32 = 2.0;
 /// Purposes of random numbers.
 const HAIR_POINT: u32 = 0x4841_4952;
 const SURFACE_POINT: u32 = 0x5355_5246;
@@ -135,7 +138,9 @@ impl<'a> Frame<'a> {
         space.workspace.clock = super::lighting::Clock::default();
         let mut lit = vec![Lit::default(); space.points.len()];
         space.order.clear();
-        space.order.extend(space.points.iter().enumerate().map(|(i, point)| (morton(point.position()), i as u32)));
+        space
+            .order
+            .extend(space.points.iter().enumerate().map(|(i, point)| (z_order(point.position(), SPACE), i as u32)));
         space.order.sort_unstable();
         for &(_, index) in &space.order {
             if progress.cancelled() {
@@ -361,16 +366,4 @@ impl Lit {
         let vectors = [self.direct, self.environment, self.unoccluded, self.emission];
         vectors.iter().all(|v| v.is_finite()) && self.occlusion.is_finite()
     }
-}
-
-/// Place on a Z-order curve through the cube from -2 to 2, ten bits an axis: points in its order share their way through trees.
-fn morton(position: Vec3) -> u32 {
-    let spread = |x: f32| {
-        let mut bits = ((x + 2.0) * 256.0).clamp(0.0, 1023.0) as u32;
-        bits = (bits | (bits << 16)) & 0x0300_00FF;
-        bits = (bits | (bits << 8)) & 0x0300_F00F;
-        bits = (bits | (bits << 4)) & 0x030C_30C3;
-        (bits | (bits << 2)) & 0x0924_9249
-    };
-    spread(position.x) | (spread(position.y) << 1) | (spread(position.z) << 2)
 }

@@ -9,4 +9,4 @@ pub mod primitives;
 mod screen;
 pub mod teapot;
 pub use mesh::{Material, Mesh};
-pub use model::{SurfaceModel, SurfacePoint, Surfaces};
+pub use model::{SurfaceModel, SurfacePoint, Surfaces, lifted};

@@ -24,6 +24,8 @@ pub struct SurfaceModel {
     /// Index into `finishes`, one a triangle.
     finish: Vec<u32>,
     finishes: Vec<Finish>,
+    /// How many of the triangles are area lights.
+    light_triangles: usize,
 }
 
 impl SurfaceModel {
@@ -39,6 +41,7 @@ impl SurfaceModel {
     pub fn add_light(&mut self, corner: Vec3, edge_u: Vec3, edge_v: Vec3, radiance: Vec3) {
         let corners = [corner, corner + edge_u, corner + edge_u + edge_v, corner + edge_v];
         self.add_triangles(&corners, &[], &[[0, 1, 2], [0, 2, 3]]);
+        self.light_triangles += 2;
         self.finish.extend([self.finishes.len() as u32; 2]);
         self.finishes.push(Finish { albedo: Vec3::ZERO, emission: radiance });
     }
@@ -64,6 +67,11 @@ impl SurfaceModel {
     /// Number of triangles.
     pub fn triangles(&self) -> usize {
         self.triangles.len()
+    }
+
+    /// Number of triangles that are no area lights.
+    pub fn mesh_triangles(&self) -> usize {
+        self.triangles.len() - self.light_triangles
     }
 
     /// Vertex positions.
@@ -108,12 +116,17 @@ pub struct SurfacePoint {
 }
 
 impl SurfacePoint {
-    /// An origin for rays that leave the surface: moved off it by the rounding error of its position (after Wächter and Binder 2019,
-    /// "A Fast and Robust Method for Avoiding Self-Intersection").
+    /// An origin for rays that leave the surface.
     pub fn leaving(&self) -> Vec3 {
-        let size = self.position.abs().max(Vec3::splat(1.0 / 64.0));
-        self.position + self.flat_normal * (size * (32.0 * f32::EPSILON)).length()
+        lifted(self.position, self.flat_normal)
     }
+}
+
+/// A point of a surface, moved off it on the side of its unit normal by the rounding error of its position (after Wächter and Binder 2019,
+/// "A Fast and Robust Method for Avoiding Self-Intersection").
+pub fn lifted(position: Vec3, normal: Vec3) -> Vec3 {
+    let size = position.abs().max(Vec3::splat(1.0 / 64.0));
+    position + normal * (size * (32.0 * f32::EPSILON)).length()
 }
 
 impl Surfaces {

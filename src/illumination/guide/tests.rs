@@ -60,7 +60,8 @@ fn the_mean_is_the_irradiance_and_the_noise_less_than_by_cosine() {
                 variance / (want * want)
             };
             ours += variance(&|u| guide.sample(normal, u).map_or(0.0, |(_, irradiance)| irradiance.y)) / 6.0;
-            theirs += variance(&|[_, v, w]| PI * guide.means[guide.igloo.face_of(cosine_sample(normal, v, w))].y) / 6.0;
+            theirs +=
+                variance(&|[_, v, w]| PI * guide.means[guide.igloo.face_of(cosine_sample(normal, [v, w]))].y) / 6.0;
         }
         println!("{name}: relative variance {ours:.4}, by cosine {theirs:.4}");
         assert!(ours < 0.5 * theirs, "{name}: {ours} against {theirs}");

@@ -8,8 +8,10 @@ use glam::Vec3;
 
 use crate::hash::{hash, to_unit, unit};
 use crate::igloo::frame_around;
+use crate::illumination::guide::cosine_sample;
 use crate::illumination::lights::share_of_cone;
 use crate::illumination::{DirectLight, Illumination};
+use crate::surface::lifted;
 
 /// Purposes of random numbers.
 const PLACE: u32 = 0x504C_4143;
@@ -111,9 +113,7 @@ impl<'l> Emitter<'l> {
             Source::Area(index) => {
                 let light = &self.light.area[index];
                 let position = light.corner + light.edge_u * place[0] + light.edge_v * place[1];
-                let size = position.abs().max(Vec3::splat(1.0 / 64.0));
-                let lifted = position + light.normal * (size * (32.0 * f32::EPSILON)).length();
-                (lifted, frame_around(light.normal) * by_cosine(way))
+                (lifted(position, light.normal), cosine_sample(light.normal, way))
             }
             Source::Sky(face) => {
                 let toward = self.light.igloo().direction(face, way[0], way[1]);
@@ -163,11 +163,4 @@ fn around(cosine: f32, turn: f32) -> Vec3 {
 /// A direction of the whole sphere, all alike.
 fn uniform([u, v]: [f32; 2]) -> Vec3 {
     around(1.0 - 2.0 * v, u)
-}
-
-/// A direction of the upper hemisphere, distributed as its cosine.
-pub(super) fn by_cosine([u, v]: [f32; 2]) -> Vec3 {
-    let (sin, cos) = (TAU * u).sin_cos();
-    let radius = v.sqrt();
-    Vec3::new(radius * cos, radius * sin, (1.0 - v).sqrt())
 }

@@ -8,16 +8,20 @@
 use std::f32::consts::PI;
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use super::{Irradiance, Photon};
 use crate::hash::unit;
 use crate::illumination::distribution::Distribution;
 use crate::illumination::lights::Incident;
+use crate::z_order::z_order;
 
 /// The cap, in medians of the radiance over the surfaces' area.
 const CONTRAST: f32 = 6.0;
 /// Spots that reflect less of all reflected light are left to chance.
 const WORTH: f32 = 0.01;
+/// Half the side of the cube in which the order of places matters, in render units: the room around the hair.
+const SPACE: f32 = 32.0;
 /// Purpose of random numbers.
 const HOT: u32 = 0x484F_5421;
 
@@ -54,8 +58,8 @@ fn below(cap: f32, albedo: Vec3, irradiance: Vec3) -> f32 {
 
 impl HotSpots {
     /// The spots in a scene's photons; none where there is nothing worth it. `known` is the map's irradiance at a photon.
-    pub(super) fn find(photons: &[Photon], known: impl Fn(&Photon) -> Option<Irradiance>) -> Option<Self> {
-        let known: Vec<Option<Irradiance>> = photons.iter().map(known).collect();
+    pub(super) fn find(photons: &[Photon], known: impl Fn(&Photon) -> Option<Irradiance> + Sync) -> Option<Self> {
+        let known: Vec<Option<Irradiance>> = photons.par_iter().map(&known).collect();
         let radiance = |(photon, known): (&Photon, &Option<Irradiance>)| {
             known.map(|known| brightness(photon.albedo * known.total) / PI).filter(|radiance| *radiance > 0.0)
         };
@@ -85,7 +89,7 @@ impl HotSpots {
             return None;
         }
         // Strata of the running sum are then compact parts of the spots.
-        hot.sort_by_cached_key(|hot| place_key(hot.position));
+        hot.sort_by_cached_key(|hot| z_order(hot.position, SPACE));
         let by_power = Distribution::new(hot.iter().map(|hot| brightness(hot.power)));
         Some(Self { cap, photons: hot, by_power, share })
     }
@@ -121,13 +125,4 @@ impl HotSpots {
             take(&Incident { toward, distance, irradiance });
         }
     }
-}
-
-/// Place on a Z-order curve, ten bits an axis over the cube from -32 to 32; beyond it the order does not matter.
-fn place_key(position: Vec3) -> u32 {
-    let spread = |x: f32| {
-        let cell = ((x + 32.0) * 16.0).clamp(0.0, 1023.0) as u32;
-        (0..10).fold(0, |bits, i| bits | (cell >> i & 1) << (3 * i))
-    };
-    spread(position.x) | spread(position.y) << 1 | spread(position.z) << 2
 }

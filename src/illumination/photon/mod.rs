@@ -11,7 +11,7 @@ mod trace;
 pub use emission::{Emission, Emitter};
 pub use hot::HotSpots;
 pub use map::{Irradiance, PhotonMap};
-pub use trace::{MOST, Photon, trace};
+pub use trace::{MOST, Photon, reflects, trace};
 
 /// How photons are traced and counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,9 +4,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::Settings;
-use super::emission::{Emitter, by_cosine};
+use super::emission::Emitter;
 use crate::hash::{hash, to_unit};
-use crate::igloo::frame_around;
+use crate::illumination::guide::cosine_sample;
 use crate::surface::Surfaces;
 
 /// Purposes of random numbers.
@@ -36,8 +36,18 @@ pub struct Photon {
     pub direct: bool,
 }
 
-/// Photons where they arrive, in the order of their number and way, whatever the number of threads; none where hardly any light is
-/// reflected twice.
+/// Whether any light is reflected more than once, by the first few paths.
+pub fn reflects(
+    emitter: &Emitter<'_>,
+    surfaces: &Surfaces,
+    settings: &Settings,
+    hair: &(impl Fn(Vec3, Vec3, f32) -> f32 + Sync),
+) -> bool {
+    let pilot = Settings { photons: settings.photons.min(PILOT), ..*settings };
+    batch(emitter, surfaces, &pilot, hair, &(0..pilot.photons).collect::<Vec<_>>()).iter().any(|photon| !photon.direct)
+}
+
+/// Photons where they arrive, in the order of their number and way, whatever the number of threads.
 ///
 /// `hair(origin, direction, far)` is what hair lets through: the chance with which a photon gets through, so that those that do keep their power.
 pub fn trace(
@@ -46,21 +56,21 @@ pub fn trace(
     settings: &Settings,
     hair: &(impl Fn(Vec3, Vec3, f32) -> f32 + Sync),
 ) -> Vec<Photon> {
-    let pilot = Settings { photons: settings.photons.min(PILOT), ..*settings };
-    if !batch(emitter, surfaces, &pilot, hair, 0..pilot.photons).iter().any(|photon| !photon.direct) {
-        return Vec::new();
-    }
     let mut photons = Vec::new();
     let count = settings.photons;
     // The lights follow each other in the numbers of the photons: batches of every so many-th photon hold all of them.
     let batches = count.div_ceil(BATCH);
+    let mut traced = 0;
     for first in 0..batches {
-        photons.append(&mut batch(emitter, surfaces, settings, hair, (first..count).step_by(batches as usize)));
-        if photons.len() > MOST && first + 1 < batches {
-            let traced = f64::from(count.saturating_sub(first).div_ceil(batches)) * f64::from(first + 1);
-            photons.iter_mut().for_each(|photon| photon.power *= (f64::from(count) / traced) as f32);
+        let indices: Vec<u32> = (first..count).step_by(batches as usize).collect();
+        photons.append(&mut batch(emitter, surfaces, settings, hair, &indices));
+        traced += indices.len();
+        if photons.len() > MOST {
             break;
         }
+    }
+    if traced < count as usize {
+        photons.iter_mut().for_each(|photon| photon.power *= (f64::from(count) / traced as f64) as f32);
     }
     photons
 }
@@ -70,11 +80,10 @@ fn batch(
     surfaces: &Surfaces,
     settings: &Settings,
     hair: &(impl Fn(Vec3, Vec3, f32) -> f32 + Sync),
-    indices: impl Iterator<Item = u32>,
+    indices: &[u32],
 ) -> Vec<Photon> {
-    let indices: Vec<u32> = indices.collect();
     let paths: Vec<Vec<Photon>> =
-        indices.into_par_iter().map(|index| path(emitter, surfaces, settings, hair, index)).collect();
+        indices.par_iter().map(|&index| path(emitter, surfaces, settings, hair, index)).collect();
     paths.concat()
 }
 
@@ -108,7 +117,7 @@ fn path(
         }
         power *= hit.albedo / lives;
         origin = hit.leaving();
-        direction = frame_around(hit.normal) * by_cosine([number(TURN, 0), number(TURN, 1)]);
+        direction = cosine_sample(hit.normal, [number(TURN, 0), number(TURN, 1)]);
         // An interpolated normal may lead into the triangle: that light is lost in `Illumination::reflected`, too.
         if direction.dot(hit.flat_normal) <= 0.0 {
             break;
