@@ -373,7 +373,9 @@ fn files_cut_at_each_64th_byte_are_described_or_refused() {
             fs::write(files.last().unwrap(), &bytes[..end]).unwrap();
         }
     }
-    assert!(files.len() > 60, "{}", files.len());
+    // Real files add some eight hundred; a clone without them has its own small ones.
+    let real = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/hair")).is_dir();
+    assert!(files.len() > if real { 800 } else { 50 }, "{}", files.len());
     assert_batches_are_reported(&files);
 }
 
