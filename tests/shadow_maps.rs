@@ -107,7 +107,7 @@ fn compare(
     points: &[Point],
     per_side: u32,
 ) -> Differences {
-    let map = DeepMap::build(lamp.view(model), model, Transmittance::Crossing, settings).expect("a map");
+    let map = DeepMap::build(lamp.view(model), model, Transmittance::Crossing, settings, &|| false).expect("a map");
     let parts: Vec<[f64; 4]> = points
         .par_iter()
         .enumerate()
@@ -189,7 +189,7 @@ fn compression_keeps_its_error_and_takes_less_memory_the_more_it_may() {
     for lamp in lamps() {
         let build = |error| {
             let settings = Settings { resolution: Some(256), error, ..Settings::default() };
-            DeepMap::build(lamp.view(&model), &model, Transmittance::Crossing, &settings).expect("a map")
+            DeepMap::build(lamp.view(&model), &model, Transmittance::Crossing, &settings, &|| false).expect("a map")
         };
         let exact = build(0.0);
         let mut last = (exact.size().nodes, 0.0);
@@ -221,12 +221,13 @@ fn bars_let_through_what_they_are_said_to() {
         for transparency in [0.0_f32, 0.3] {
             let (model, places) = two_bars(lamp, transparency);
             let rule = Transmittance::Crossing;
-            let deep = DeepMap::build(lamp.view(&model), &model, rule, &Settings::default()).expect("a map");
+            let deep = DeepMap::build(lamp.view(&model), &model, rule, &Settings::default(), &|| false).expect("a map");
             let found = places.map(|p| deep.transmittance(&Point::on_surface(p)));
             for (found, want) in found.into_iter().zip([1.0, transparency, transparency * transparency]) {
                 assert!((found - want).abs() < 1e-3, "{lamp:?} {transparency}: {found} for {want}");
             }
-            let plain = ShadowMap::build(lamp.view(&model), &model, rule, &Settings::default()).expect("a map");
+            let plain =
+                ShadowMap::build(lamp.view(&model), &model, rule, &Settings::default(), &|| false).expect("a map");
             let found = places.map(|p| plain.transmittance(&Point::on_surface(p)));
             assert_eq!(found[0], 1.0);
             if transparency == 0.0 {
@@ -247,7 +248,8 @@ fn nothing_is_between_a_lamp_and_hair_that_it_lights_first() {
     for lamp in lamps() {
         for resolution in [512, 1024] {
             let settings = Settings { resolution: Some(resolution), ..Settings::default() };
-            let map = DeepMap::build(lamp.view(&model), &model, Transmittance::Crossing, &settings).expect("a map");
+            let map = DeepMap::build(lamp.view(&model), &model, Transmittance::Crossing, &settings, &|| false)
+                .expect("a map");
             for i in 0..200 {
                 let point = Point::on_hair(&model.sample(i % 2, unit(&[i as u32]) as f32));
                 let left = map.transmittance(&point);
@@ -266,8 +268,8 @@ fn a_map_is_the_same_for_any_number_of_threads() {
             lamps().map(|lamp| {
                 let settings = Settings { resolution: Some(256), ..Settings::default() };
                 let rule = Transmittance::Crossing;
-                let deep = DeepMap::build(lamp.view(&model), &model, rule, &settings).expect("a map");
-                let plain = ShadowMap::build(lamp.view(&model), &model, rule, &settings).expect("a map");
+                let deep = DeepMap::build(lamp.view(&model), &model, rule, &settings, &|| false).expect("a map");
+                let plain = ShadowMap::build(lamp.view(&model), &model, rule, &settings, &|| false).expect("a map");
                 let bits = |p: &Point| [deep.transmittance(p).to_bits(), plain.transmittance(p).to_bits()];
                 (deep.size(), points.iter().map(bits).collect::<Vec<_>>())
             })
@@ -283,7 +285,7 @@ fn memory_has_a_bound() {
     let lamp = lamps()[2];
     let build = |most_bytes| {
         let settings = Settings { resolution: Some(512), error: 0.0, most_bytes, ..Settings::default() };
-        DeepMap::build(lamp.view(&model), &model, Transmittance::Crossing, &settings)
+        DeepMap::build(lamp.view(&model), &model, Transmittance::Crossing, &settings, &|| false)
     };
     let all = build(1 << 30).expect("a map").size();
     assert_eq!((all.resolution, all.halvings), (512, 0));

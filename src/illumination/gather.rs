@@ -127,24 +127,26 @@ impl Illumination {
         Some(Incident { toward, distance: f32::INFINITY, irradiance: energy / chance })
     }
 
-    /// Traces photons; nothing where hardly any light is reflected twice, or too few arrive for an estimate.
+    /// Traces photons; nothing where hardly any light is reflected twice, or too few arrive for an estimate; something or nothing soon after
+    /// `cancelled` says to stop.
     pub fn photon_map(
         &self,
         settings: &photon::Settings,
         hair: &(impl Fn(Vec3, Vec3, f32) -> f32 + Sync),
+        cancelled: &(impl Fn() -> bool + Sync),
     ) -> Option<PhotonMap> {
         let (surfaces, emitter) = (self.surfaces.as_ref()?, Emitter::new(self)?);
-        if !photon::reflects(&emitter, surfaces, settings, hair) {
+        if !photon::reflects(&emitter, surfaces, settings, hair, cancelled) {
             return None;
         }
-        let photons = photon::trace(&emitter, surfaces, settings, hair);
+        let photons = photon::trace(&emitter, surfaces, settings, hair, cancelled);
         let fewer = photon::Settings {
             photons: settings.photons.div_ceil(PHOTONS_A_PLACE),
             seed: hash(&[PLACES, settings.seed]),
             ..*settings
         };
-        let places = photon::trace(&emitter, surfaces, &fewer, hair);
-        PhotonMap::new(photons, &places, surfaces, settings.neighbours)
+        let places = photon::trace(&emitter, surfaces, &fewer, hair, cancelled);
+        PhotonMap::new(photons, &places, surfaces, settings.neighbours, cancelled)
     }
 
     /// With a map [`Illumination::reflected`] counts light of any number of reflections.

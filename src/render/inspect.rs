@@ -4,13 +4,13 @@
 
 use serde::Serialize;
 
-use super::lighting::{Lighting, on_hair, on_surface};
-use super::pipeline::{tiles, with_threads};
+use super::RenderError;
+use super::lighting::{on_hair, on_surface};
+use super::passes::Prepared;
+use super::pipeline::{Options, with_threads};
 use super::progress::Progress;
 use super::statistics::NonFinite;
 use super::tile::{Frame, Point, TileSpace, What};
-use super::{RenderError, settle};
-use crate::effects::Effects;
 use crate::fragment::PixelRect;
 use crate::scene::Scene;
 
@@ -97,17 +97,15 @@ pub fn inspect(
     progress: &dyn Progress,
 ) -> Result<Inspected, RenderError> {
     with_threads(threads, || {
-        let effects = Effects::of(scene);
-        let mut lighting = Lighting::new(scene, effects)?;
-        settle(&mut lighting, progress)?;
-        open(&lighting, pixel, progress)
+        let rect = PixelRect { min: pixel, max: pixel.map(|i| i + 1) };
+        let prepared = Prepared::new(scene, &Options { window: Some(rect), threads }, progress)?;
+        open(&prepared, rect, progress)
     })?
 }
 
-fn open(lighting: &Lighting<'_>, pixel: [u32; 2], progress: &dyn Progress) -> Result<Inspected, RenderError> {
+fn open(prepared: &Prepared<'_>, rect: PixelRect, progress: &dyn Progress) -> Result<Inspected, RenderError> {
+    let (lighting, bins) = prepared.parts();
     let frame = Frame::new(lighting);
-    let rect = PixelRect { min: pixel, max: pixel.map(|i| i + 1) };
-    let (_, bins) = tiles(&frame, rect)?;
     let mut space = TileSpace::default();
     let mut tile = frame.render(&rect, bins.tile(0), &mut space, progress).ok_or(RenderError::Cancelled)?;
     let fragments = fragments(&frame, &space);
@@ -120,7 +118,7 @@ fn open(lighting: &Lighting<'_>, pixel: [u32; 2], progress: &dyn Progress) -> Re
     let points = shadings.collect();
     let value = tile.pixels.swap_remove(0);
     Ok(Inspected {
-        pixel,
+        pixel: rect.min,
         fragments,
         surface_samples,
         points,
@@ -154,10 +152,9 @@ fn shading(frame: &Frame<'_>, rect: &PixelRect, point: &Point, sample: u32, spac
     let key = frame.key(rect, point);
     let lit = frame.light(rect, point, &mut space.workspace);
     let (receiver, asked) = match &point.what {
-        What::Hair { sample, .. } => (on_hair(sample), true),
-        What::Surface(hit) => (on_surface(hit), hit.albedo != glam::Vec3::ZERO),
+        What::Hair { sample, .. } => (on_hair(sample), frame.lighting.gathers_on(frame.object(sample))),
+        What::Surface(hit) => (on_surface(hit), frame.lighting.arrives() && hit.albedo != glam::Vec3::ZERO),
     };
-    let asked = asked && frame.lighting.arrives();
     let (mut gamma, mut faces, mut blocked_faces, mut faces_not_finite) = ([1.0; 3], 0, 0, 0);
     if asked {
         let around = frame.lighting.around(&receiver, key, &mut space.workspace);

@@ -8,6 +8,7 @@ use glam::{Mat3, Vec3};
 
 use super::RenderError;
 use super::estimator::{self, Estimator};
+use super::progress::Progress;
 use super::shadows::{HairShadow, Made};
 use crate::effects::Effects;
 use crate::embree::Device;
@@ -121,15 +122,15 @@ impl<'s> Lighting<'s> {
     /// Builds the structures that the effects call for, and no others.
     ///
     /// # Errors
-    /// Embree's own.
-    pub fn new(scene: &'s mut Scene, effects: Effects) -> Result<Self, RenderError> {
+    /// Embree's own, shadow maps that take too much memory, and cancelled work.
+    pub fn new(scene: &'s mut Scene, effects: Effects, progress: &dyn Progress) -> Result<Self, RenderError> {
         let device = Device::with_threads(rayon::current_num_threads())?;
         let surfaces = std::mem::take(&mut scene.surfaces);
         let surfaces = effects.surfaces.then(|| surfaces.into_traceable(&device)).transpose()?;
         let scene = &*scene;
         let settings = &scene.description().occlusion;
         let hair_rays = effects.hair_rays.then(|| estimator::hair_rays(&device, scene)).transpose()?;
-        let (shadows, maps) = HairShadow::build(scene)?;
+        let (shadows, maps) = HairShadow::build(scene, progress)?;
         let faces = settings.face_count();
         let environment = Environment::new(scene.radiance.clone(), scene.sources.clone(), scene.to_map, faces);
         let light = Illumination::new(environment, scene.direct.clone(), scene.area.clone(), surfaces, faces);
@@ -180,7 +181,7 @@ impl<'s> Lighting<'s> {
         let receiver = on_hair(sample);
         let mut lit = Lit { occlusion: 1.0, ..Lit::default() };
         let in_direction = |direction| fibre.reflect(&point, direction);
-        if self.arrives() && self.scene.hair_objects[usize::from(object)].gather {
+        if self.gathers_on(object) {
             self.look(&receiver, &self.sphere, key, space);
             self.occlude(&receiver, &self.sphere, key, space);
             let begin = Instant::now();
@@ -283,6 +284,11 @@ impl<'s> Lighting<'s> {
     /// Whether any light comes from all around.
     pub(super) fn arrives(&self) -> bool {
         self.effects.environment || self.effects.area_lights || self.effects.reflection
+    }
+
+    /// Whether light from all around reaches a hair object.
+    pub(super) fn gathers_on(&self, object: u16) -> bool {
+        self.arrives() && self.scene.hair_objects[usize::from(object)].gather
     }
 
     /// One ray a face: what it meets is the face's Λ, and ends the hair that counts in its Γ.
@@ -427,7 +433,10 @@ impl<'s> Lighting<'s> {
     }
 
     /// Traces the photons that the scene asks for. After [`settle`](super::settle): whether hair dims them is the estimator's to say.
-    pub fn trace_photons(&mut self) {
+    ///
+    /// # Errors
+    /// Cancelled work.
+    pub fn trace_photons(&mut self, progress: &dyn Progress) -> Result<(), RenderError> {
         let description = self.scene.description();
         let settings = photon::Settings {
             photons: description.indirect.photons,
@@ -435,9 +444,13 @@ impl<'s> Lighting<'s> {
             neighbours: description.indirect.neighbours,
             seed: description.sampling.seed,
         };
-        let map =
-            self.light.photon_map(&settings, &|origin, direction, far| self.between_surfaces(origin, direction, far));
+        let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
+        let map = self.light.photon_map(&settings, &hair, &|| progress.cancelled());
+        if progress.cancelled() {
+            return Err(RenderError::Cancelled);
+        }
         self.light.set_photons(map);
+        Ok(())
     }
 
     /// What hair leaves of the light along a ray.

@@ -62,7 +62,7 @@ impl<'s> Prepared<'s> {
             notes: scene.notes.clone(),
             ..Statistics::default()
         };
-        let mut lighting = Lighting::new(scene, effects)?;
+        let mut lighting = Lighting::new(scene, effects, progress)?;
         statistics.shadow_maps = lighting.maps().to_vec();
         statistics.stage("building", &watch);
         let watch = Watch::start();
@@ -73,7 +73,7 @@ impl<'s> Prepared<'s> {
         if effects.photons {
             let watch = Watch::start();
             progress.stage("tracing photons", 0);
-            lighting.trace_photons();
+            lighting.trace_photons(progress)?;
             statistics.stage("tracing photons", &watch);
         }
         let watch = Watch::start();
@@ -92,6 +92,11 @@ impl<'s> Prepared<'s> {
     /// What was done so far.
     pub fn statistics(&self) -> &Statistics {
         &self.statistics
+    }
+
+    /// What lights its points, and the segments that may touch each tile.
+    pub(super) fn parts(&self) -> (&Lighting<'s>, &Bins) {
+        (&self.lighting, &self.bins)
     }
 
     /// The pixels that are rendered.

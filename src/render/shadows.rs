@@ -6,11 +6,12 @@ use serde::Serialize;
 
 use super::RenderError;
 use super::estimator::transmittance_rule;
+use super::progress::Progress;
 use crate::illumination::DirectLight;
 use crate::scene::Scene;
 use crate::scene::description::Shadows;
 use crate::scene::loaded::LampShadows;
-use crate::shadow::{Cone, DeepMap, Point, Settings, ShadowMap, Size, View};
+use crate::shadow::{Cone, DeepMap, MapError, Point, Settings, ShadowMap, Size, View};
 
 /// How hair's shadow of one light is found.
 #[derive(Debug)]
@@ -37,12 +38,12 @@ impl HairShadow {
     /// What each light of a scene needs, in their order, and the maps among it.
     ///
     /// # Errors
-    /// Maps that take too much memory.
-    pub fn build(scene: &Scene) -> Result<(Vec<Self>, Vec<Made>), RenderError> {
+    /// Maps that take too much memory; cancelled work.
+    pub fn build(scene: &Scene, progress: &dyn Progress) -> Result<(Vec<Self>, Vec<Made>), RenderError> {
         let mut made = Vec::new();
         let lamps = scene.direct.iter().zip(&scene.shadows);
         let shadows: Result<_, _> =
-            lamps.map(|(lamp, shadows)| Self::of(scene, &lamp.light, shadows, &mut made)).collect();
+            lamps.map(|(lamp, shadows)| Self::of(scene, &lamp.light, shadows, &mut made, progress)).collect();
         Ok((shadows?, made))
     }
 
@@ -51,6 +52,7 @@ impl HairShadow {
         light: &DirectLight,
         shadows: &LampShadows,
         made: &mut Vec<Made>,
+        progress: &dyn Progress,
     ) -> Result<Self, RenderError> {
         let hair = &scene.hair;
         if hair.is_empty() || shadows.mode == Shadows::None {
@@ -68,14 +70,18 @@ impl HairShadow {
             DirectLight::Directional { toward, .. } => View::parallel(hair, toward),
         };
         let settings = Settings { resolution: shadows.resolution, error: shadows.error, ..Settings::default() };
-        let failed = |source| RenderError::ShadowMap { light: shadows.key.clone(), source };
+        let failed = |source| match source {
+            MapError::Cancelled => RenderError::Cancelled,
+            source => RenderError::ShadowMap { light: shadows.key.clone(), source },
+        };
+        let cancelled = || progress.cancelled();
         let rule = transmittance_rule(scene);
         let (map, size) = if shadows.mode == Shadows::DeepMap {
-            let map = DeepMap::build(view, hair, rule, &settings).map_err(failed)?;
+            let map = DeepMap::build(view, hair, rule, &settings, &cancelled).map_err(failed)?;
             let size = map.size();
             (Self::Deep(Box::new(map)), size)
         } else {
-            let map = ShadowMap::build(view, hair, rule, &settings).map_err(failed)?;
+            let map = ShadowMap::build(view, hair, rule, &settings, &cancelled).map_err(failed)?;
             let size = map.size();
             (Self::Plain(Box::new(map)), size)
         };

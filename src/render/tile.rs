@@ -251,6 +251,11 @@ impl<'a> Frame<'a> {
         1.0 - self.rule.opacity(self.scene.hair.transparency[segment], fragment.span * a.distance(b))
     }
 
+    /// The hair object of a point on hair.
+    pub fn object(&self, sample: &StrandSample) -> u16 {
+        self.scene.hair.object[sample.on.strand as usize]
+    }
+
     /// What names the random numbers of a point.
     pub fn key(&self, rect: &PixelRect, point: &Point) -> u32 {
         let [x, y] = point.place(rect);
@@ -265,10 +270,7 @@ impl<'a> Frame<'a> {
         let position = point.position();
         let view = (self.camera().position().as_vec3() - position).normalize_or(Vec3::Z);
         match &point.what {
-            What::Hair { sample, .. } => {
-                let object = self.scene.hair.object[sample.on.strand as usize];
-                self.lighting.hair(sample, object, view, key, space)
-            }
+            What::Hair { sample, .. } => self.lighting.hair(sample, self.object(sample), view, key, space),
             What::Surface(hit) => self.lighting.surface(hit, key, space),
         }
     }

@@ -55,14 +55,20 @@ pub(super) fn first_resolution(view: &View, model: &HairModel, settings: &Settin
 }
 
 impl DeepMap {
-    /// Builds the map of a lamp's view. The same to the bit for any number of threads.
+    /// Builds the map of a lamp's view, unless `cancelled` says to stop. The same to the bit for any number of threads.
     ///
     /// # Errors
-    /// Memory: lists that do not fit, or a map that is too large even when small.
-    pub fn build(view: View, model: &HairModel, rule: Transmittance, settings: &Settings) -> Result<Self, MapError> {
+    /// Memory: lists that do not fit, or a map that is too large even when small. Cancelled work.
+    pub fn build(
+        view: View,
+        model: &HairModel,
+        rule: Transmittance,
+        settings: &Settings,
+        cancelled: &(impl Fn() -> bool + Sync),
+    ) -> Result<Self, MapError> {
         let first = first_resolution(&view, model, settings);
         let mut map = Self { view, settings: *settings, resolution: first, halvings: 0, tiles: Vec::new() };
-        while !map.fill(model, rule)? {
+        while !map.fill(model, rule, cancelled)? {
             if map.resolution <= TILE {
                 let most_bytes = settings.most_bytes;
                 return Err(MapError::Memory { resolution: map.resolution, most_bytes });
@@ -74,7 +80,12 @@ impl DeepMap {
     }
 
     /// Makes all tiles; false if they take too much memory.
-    fn fill(&mut self, model: &HairModel, rule: Transmittance) -> Result<bool, MapError> {
+    fn fill(
+        &mut self,
+        model: &HairModel,
+        rule: Transmittance,
+        cancelled: &(impl Fn() -> bool + Sync),
+    ) -> Result<bool, MapError> {
         self.tiles.clear();
         let per_side = self.settings.per_side();
         let cells = self.resolution * per_side;
@@ -93,10 +104,13 @@ impl DeepMap {
                     .with_max_len(1)
                     .map_init(Buffers::default, |buffers, index| {
                         let segments = bins.tile(index);
-                        (!segments.is_empty())
+                        (!segments.is_empty() && !cancelled())
                             .then(|| buffers.tile(&source, segments, &pixels.tile(index), &self.settings))
                     })
                     .collect();
+                if cancelled() {
+                    return Err(MapError::Cancelled);
+                }
                 self.tiles.extend(tiles);
                 if self.bytes() > self.settings.most_bytes {
                     return Ok(false);

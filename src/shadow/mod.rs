@@ -73,6 +73,8 @@ pub struct Size {
 pub enum MapError {
     #[error(transparent)]
     Bins(#[from] BinError),
+    #[error("cancelled")]
+    Cancelled,
     #[error("a shadow map takes more than {} MiB even at {resolution}x{resolution} pixels; raise the light's map_error or use shadows = \"raytraced\"", most_bytes >> 20)]
     Memory { resolution: u32, most_bytes: usize },
 }

@@ -35,7 +35,13 @@ impl ShadowMap {
     ///
     /// # Errors
     /// Memory.
-    pub fn build(view: View, model: &HairModel, rule: Transmittance, settings: &Settings) -> Result<Self, MapError> {
+    pub fn build(
+        view: View,
+        model: &HairModel,
+        rule: Transmittance,
+        settings: &Settings,
+        cancelled: &(impl Fn() -> bool + Sync),
+    ) -> Result<Self, MapError> {
         let mut resolution = first_resolution(&view, model, settings);
         let mut halvings = 0;
         while resolution as usize * resolution as usize * view.images() * 4 > settings.most_bytes && resolution > TILE {
@@ -50,7 +56,7 @@ impl ShadowMap {
             let bins = assign(&grid, &projection, model.segments() as u32, |index| view.segment(image, model, index))?;
             let tile = |pieces: &mut Vec<_>, index: usize| {
                 let mut depths = vec![f32::INFINITY; (TILE * TILE) as usize];
-                for run in bins.tile(index).chunks(1024) {
+                for run in bins.tile(index).chunks(1024).take_while(|_| !cancelled()) {
                     source.pieces(run, &grid.tile(index), usize::MAX, pieces);
                     for piece in pieces.iter() {
                         let key = [COVERED, image as u32, index as u32, piece.pixel, piece.segment];
@@ -64,6 +70,9 @@ impl ShadowMap {
             };
             let tiles: Vec<Vec<f32>> =
                 (0..grid.count()).into_par_iter().with_max_len(1).map_init(Vec::new, tile).collect();
+            if cancelled() {
+                return Err(MapError::Cancelled);
+            }
             depths.extend(tiles.into_iter().flatten());
         }
         Ok(Self { view, filter: settings.filter, resolution, halvings, depths })

@@ -80,7 +80,7 @@ fn compare(
 ) -> Result<(Population, Vec<Compared>), RenderError> {
     progress.stage("building", 0);
     let effects = Effects { hair_rays: true, ..Effects::of(scene) };
-    let mut lighting = Lighting::new(scene, effects)?;
+    let mut lighting = Lighting::new(scene, effects, progress)?;
     settle(&mut lighting, progress)?;
     let drawn = draw(&lighting, settings.window, settings.points, progress)?;
     progress.stage("comparing", drawn.points.len() as u64);

@@ -19,14 +19,23 @@ fn scene_file(name: &str) -> String {
 
 #[test]
 fn a_pixel_alone_has_the_values_of_the_whole_picture() {
+    // With light from lamps and sky, and with photons in a closed room.
+    ["lights.toml", "cornell.toml"].into_iter().for_each(a_pixel_is_that_of_the_picture);
+}
+
+fn a_pixel_is_that_of_the_picture(name: &str) {
     let settings = ["camera.resolution=[48,48]".to_owned(), "output.pixel_type=float".to_owned()];
-    let path = scene_file("lights.toml");
+    let path = scene_file(name);
     let load = || Scene::load(scene::load(Path::new(&path), &settings).expect("a scene")).expect("a scene");
     let (film, _) = render::render(&mut load(), &Options::default(), &Unwatched).expect("a picture");
     for [x, y] in [[24, 24], [13, 30], [0, 0], [47, 47]] {
         let inspected = render::inspect(&mut load(), [x, y], None, &Unwatched).expect("a pixel");
         let whole = &film.pixels[(y * 48 + x) as usize];
-        assert_eq!((inspected.beauty, inspected.alpha), (whole.beauty.to_array(), whole.alpha), "pixel {x},{y}");
+        assert_eq!(
+            (inspected.beauty, inspected.alpha),
+            (whole.beauty.to_array(), whole.alpha),
+            "{name}: pixel {x},{y}"
+        );
         // The points' sum is the pixel.
         let sum: f32 =
             inspected.points.iter().map(|p| p.weight * (p.environment[1] + p.direct[1] + p.emission[1])).sum();

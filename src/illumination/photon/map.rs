@@ -63,18 +63,27 @@ fn tree<'p>(photons: impl Iterator<Item = &'p Photon>, turn: &Mat3) -> Option<Tr
 
 impl PhotonMap {
     /// The irradiance by `photons` at `places`, each estimate by the nearest `neighbours`; nothing where there are too few.
-    pub fn new(photons: Vec<Photon>, places: &[Photon], surfaces: &Surfaces, neighbours: u32) -> Option<Self> {
+    pub fn new(
+        photons: Vec<Photon>,
+        places: &[Photon],
+        surfaces: &Surfaces,
+        neighbours: u32,
+        cancelled: &(impl Fn() -> bool + Sync),
+    ) -> Option<Self> {
         let turn = turn();
         let reflected: Vec<Photon> = photons.iter().filter(|photon| !photon.direct).copied().collect();
         let (all, reflected) = (Cloud::new(photons, turn, neighbours)?, Cloud::new(reflected, turn, neighbours)?);
         let samples = places
             .par_iter()
             .map(|at| {
+                if cancelled() {
+                    return None;
+                }
                 let (total, radius) = all.estimate(surfaces, at);
                 let (indirect, _) = reflected.estimate(surfaces, at);
-                Sample { normal: at.normal, irradiance: Irradiance { total, indirect, radius } }
+                Some(Sample { normal: at.normal, irradiance: Irradiance { total, indirect, radius } })
             })
-            .collect();
+            .collect::<Option<Vec<Sample>>>()?;
         let mut map = Self { tree: tree(places.iter(), &turn)?, samples, turn, hot: None };
         map.hot = HotSpots::find(&all.photons, |photon| map.irradiance(photon.position, photon.normal));
         Some(map)

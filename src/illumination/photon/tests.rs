@@ -64,7 +64,7 @@ fn a_closed_white_box_gathers_the_geometric_series() {
     // All walls of albedo a: of the power Φ the walls get Φ a + Φ a² + ... = Φ a / (1 - a) by reflection.
     for albedo in [0.3_f32, 0.5, 0.8] {
         let light = lit(Vec3::ZERO, vec![lamp()], vec![], surfaces(&cube([Vec3::splat(albedo); 6]), &[]));
-        let map = light.photon_map(&settings(200_000), &FREE).expect("photons");
+        let map = light.photon_map(&settings(200_000), &FREE, &|| false).expect("photons");
         let walls = [Vec3::NEG_Y, Vec3::Y, Vec3::NEG_X, Vec3::X, Vec3::NEG_Z, Vec3::Z];
         let power: Vec3 = walls.iter().map(|&out| over_wall(&map, out, 64) * 4.0).sum();
         let want = Vec3::new(1.0, 0.8, 0.5) * (4.0 * PI * albedo / (1.0 - albedo));
@@ -216,7 +216,7 @@ fn compare(
     photons: u32,
     paths: u32,
 ) -> Vec<[Vec3; 2]> {
-    let map = light.photon_map(&settings(photons), hair).expect("photons");
+    let map = light.photon_map(&settings(photons), hair, &|| false).expect("photons");
     let walls = [Vec3::NEG_Y, Vec3::Y, Vec3::NEG_X, Vec3::X, Vec3::NEG_Z, Vec3::Z];
     let side = 12;
     let at = |i: u32| 2.0 * (i as f32 + 0.5) / side as f32 - 1.0;
@@ -252,7 +252,7 @@ fn hair_lowers_indirect_light_as_it_does_for_paths() {
         if t > 0.0 && t < far { 0.4 } else { 1.0 }
     };
     let light = lit(Vec3::ZERO, vec![lamp()], vec![], surfaces(&cube(red_and_green()), &[]));
-    let free = light.photon_map(&settings(200_000), &FREE).expect("photons");
+    let free = light.photon_map(&settings(200_000), &FREE, &|| false).expect("photons");
     let [map, paths] = compare(&light, &slab, 400_000, 500)[0];
     let error = (map - paths).abs().max_element() / paths.max_element();
     println!("floor {map} against {paths}: {error:.4}; without {}", over_wall(&free, Vec3::NEG_Y, 48));
@@ -265,7 +265,7 @@ fn threads_do_not_change_a_photon() {
     let light = lit(Vec3::ONE, vec![lamp()], vec![], surfaces(&cube(red_and_green()), &[]));
     let traced = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        pool.install(|| light.photon_map(&settings(20_000), &FREE).expect("photons"))
+        pool.install(|| light.photon_map(&settings(20_000), &FREE, &|| false).expect("photons"))
     };
     let (one, four) = (traced(1), traced(4));
     assert_eq!(one.len(), four.len());
@@ -281,7 +281,7 @@ fn a_hot_spot_gives_as_much_light_in_two_parts_as_in_one() {
     // Just below the ceiling: most of the light comes from a spot a tenth as wide as the box.
     let lamp = DirectLight::Point { position: Vec3::new(0.1, 0.93, 0.0), intensity: Vec3::new(1.0, 0.9, 0.8) };
     let mut light = lit(Vec3::ZERO, vec![lamp], vec![], surfaces(&cube([Vec3::splat(0.5); 6]), &[]));
-    light.set_photons(light.photon_map(&settings(200_000), &FREE));
+    light.set_photons(light.photon_map(&settings(200_000), &FREE, &|| false));
     let (map, walls) = (light.photons().expect("photons"), light.surfaces.as_ref().expect("walls"));
     assert!(map.hot_spots().is_some());
     for (position, normal) in [

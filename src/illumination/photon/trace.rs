@@ -42,9 +42,12 @@ pub fn reflects(
     surfaces: &Surfaces,
     settings: &Settings,
     hair: &(impl Fn(Vec3, Vec3, f32) -> f32 + Sync),
+    cancelled: &(impl Fn() -> bool + Sync),
 ) -> bool {
     let pilot = Settings { photons: settings.photons.min(PILOT), ..*settings };
-    batch(emitter, surfaces, &pilot, hair, &(0..pilot.photons).collect::<Vec<_>>()).iter().any(|photon| !photon.direct)
+    batch(emitter, surfaces, &pilot, hair, cancelled, &(0..pilot.photons).collect::<Vec<_>>())
+        .iter()
+        .any(|photon| !photon.direct)
 }
 
 /// Photons where they arrive, in the order of their number and way, whatever the number of threads.
@@ -55,6 +58,7 @@ pub fn trace(
     surfaces: &Surfaces,
     settings: &Settings,
     hair: &(impl Fn(Vec3, Vec3, f32) -> f32 + Sync),
+    cancelled: &(impl Fn() -> bool + Sync),
 ) -> Vec<Photon> {
     let mut photons = Vec::new();
     let count = settings.photons;
@@ -63,7 +67,7 @@ pub fn trace(
     let mut traced = 0;
     for first in 0..batches {
         let indices: Vec<u32> = (first..count).step_by(batches as usize).collect();
-        photons.append(&mut batch(emitter, surfaces, settings, hair, &indices));
+        photons.append(&mut batch(emitter, surfaces, settings, hair, cancelled, &indices));
         traced += indices.len();
         if photons.len() > MOST {
             break;
@@ -80,11 +84,13 @@ fn batch(
     surfaces: &Surfaces,
     settings: &Settings,
     hair: &(impl Fn(Vec3, Vec3, f32) -> f32 + Sync),
+    cancelled: &(impl Fn() -> bool + Sync),
     indices: &[u32],
 ) -> Vec<Photon> {
-    let paths: Vec<Vec<Photon>> =
-        indices.par_iter().map(|&index| path(emitter, surfaces, settings, hair, index)).collect();
-    paths.concat()
+    let path = |&index| (!cancelled()).then(|| path(emitter, surfaces, settings, hair, index));
+    // None ends the work of all threads.
+    let paths: Option<Vec<Vec<Photon>>> = indices.par_iter().map(path).collect();
+    paths.unwrap_or_default().concat()
 }
 
 fn path(
