@@ -22,8 +22,8 @@ pub struct Fineness {
 
 /// Sides of maps that are tried, coarsest first. On a surface's hemisphere all of them, since outlines of hair need the finest and they
 /// cost less; around hair [`SPHERE_SIDES`] of them: with 8 cells a few points are far off, which a calibration may not have among its own.
-const SIDES: [u32; 17] = [8, 10, 12, 14, 16, 18, 20, 24, 28, 32, 40, 48, 56, 64, 80, 96, 128];
-const SPHERE_SIDES: std::ops::Range<usize> = 1..14;
+const SIDES: [u32; 19] = [8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 32, 40, 48, 56, 64, 80, 96, 128];
+const SPHERE_SIDES: std::ops::Range<usize> = 1..16;
 
 /// Openings that are tried, on the sphere around hair and on a surface's hemisphere. Outlines against the sky want larger lumps: there
 /// the light lost at the outline is more.

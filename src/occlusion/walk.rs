@@ -20,11 +20,33 @@ pub struct Walk<'a, const HEMISPHERE: bool> {
     pub model: &'a HairModel,
 }
 
-/// Rods and segments that are taken in 2, 4 and 8 lumps wait until there are sixteen of a kind.
+/// What waits.
 #[derive(Debug, Default)]
 pub struct Queues {
+    lumps: Waiting,
+    /// Rods and segments that are taken in 2, 4 and 8 lumps, until there are sixteen of a kind.
     rods: [(usize, Rods); 3],
     segments: [(usize, Block); 3],
+}
+
+/// Lumps that were worked out and wait for their turn to be added to their cells.
+///
+/// Lumps side by side in space fall into the same few cells, and each addition there has to wait for the one before. So sixteen are
+/// added while the next sixteen are worked out: the processor does both at once (a fifth less time on a floor).
+#[derive(Debug)]
+#[repr(align(64))]
+pub struct Waiting {
+    /// Each with its squared distances; one in two waits.
+    lumps: [(Splat<LANES>, Lanes); 2],
+    free: usize,
+}
+
+impl Default for Waiting {
+    /// Lumps of nothing.
+    fn default() -> Self {
+        let nothing = || (Splat { cell: [0; LANES], amount: [[0.0; 4]; LANES] }, [0.0; LANES]);
+        Self { lumps: [nothing(), nothing()], free: 0 }
+    }
 }
 
 /// What is left to do of a query.
@@ -111,16 +133,19 @@ impl<const HEMISPHERE: bool> Walk<'_, HEMISPHERE> {
             std::mem::swap(here, below);
         }
         pieces.clear();
-        self.blocks(here.items(), pieces, scratch);
+        self.blocks(here.items(), pieces, &mut queues, scratch);
         self.pieces(pieces.items(), &mut queues, scratch);
         for (kind, &count) in COUNTS.iter().enumerate() {
-            let (waiting, rods) = &mut queues.rods[kind];
-            self.give_rods(rods, count, std::mem::take(waiting), &mut scratch.depth);
-            let (waiting, segments) = &mut queues.segments[kind];
-            if *waiting > 0 {
-                self.give_segments(segments, count, &first(std::mem::take(waiting)), &mut scratch.depth);
+            let (filled, rods) = &mut queues.rods[kind];
+            self.give_rods(rods, count, std::mem::take(filled), &mut queues.lumps, &mut scratch.depth);
+            let (filled, segments) = &mut queues.segments[kind];
+            if *filled > 0 {
+                let filled = first(std::mem::take(filled));
+                self.give_segments(segments, count, &filled, &mut queues.lumps, &mut scratch.depth);
             }
         }
+        // The last ones; nothing waits then.
+        self.give(Waiting::default().lumps[0], &mut queues.lumps, &mut scratch.depth);
         scratch.queues = queues;
         scratch.lists = lists;
     }
@@ -145,8 +170,8 @@ impl<const HEMISPHERE: bool> Walk<'_, HEMISPHERE> {
                 prefetch(&nodes[soon as usize]);
             }
             let node = &nodes[index as usize];
-            let (splat, distance2, division) = lanes::node(&self.view, node);
-            self.give(&splat, &distance2, &mut scratch.depth);
+            let (lumps, division) = lanes::node(&self.view, node);
+            self.give(lumps, &mut queues.lumps, &mut scratch.depth);
             // Lanes without child are far away, but not from every viewer, and not for an opening of 0.
             let there = ALL >> LANES.saturating_sub(children - index as usize * LANES);
             below.append(division.near & there, |lane| index * LANES as u32 + lane as u32);
@@ -158,9 +183,12 @@ impl<const HEMISPHERE: bool> Walk<'_, HEMISPHERE> {
         }
     }
 
-    /// Adds lumps to their cells.
+    /// Adds those lumps to their cells that wait, and lets these wait.
     #[inline(always)]
-    fn give(&self, splat: &Splat<LANES>, distance2: &Lanes, depth: &mut [Corners]) {
+    fn give(&self, lumps: (Splat<LANES>, Lanes), waiting: &mut Waiting, depth: &mut [Corners]) {
+        waiting.lumps[waiting.free & 1] = lumps;
+        waiting.free += 1;
+        let (splat, distance2) = &waiting.lumps[waiting.free & 1];
         let lumps = splat.cell.iter().zip(&splat.amount);
         let Some(far) = self.far else {
             for (&cell, amount) in lumps {
@@ -188,34 +216,40 @@ impl<const HEMISPHERE: bool> Walk<'_, HEMISPHERE> {
         *waiting += 1;
         if *waiting == LANES {
             *waiting = 0;
-            self.give_rods(rods, COUNTS[kind], LANES, depth);
+            self.give_rods(rods, COUNTS[kind], LANES, &mut queues.lumps, depth);
         }
     }
 
     #[inline(always)]
-    fn give_rods(&self, rods: &Rods, count: u32, waiting: usize, depth: &mut [Corners]) {
+    fn give_rods(&self, rods: &Rods, count: u32, filled: usize, waiting: &mut Waiting, depth: &mut [Corners]) {
         let share = 1.0 / count as f32;
-        let wanted = first(waiting);
-        for i in 0..if waiting > 0 { count } else { 0 } {
+        let wanted = first(filled);
+        for i in 0..if filled > 0 { count } else { 0 } {
             let s = (2 * i + 1) as f32 * share - 1.0;
-            let (splat, distance2) = lanes::rod_lumps(&self.view, rods, s, share, &wanted);
-            self.give(&splat, &distance2, depth);
+            self.give(lanes::rod_lumps(&self.view, rods, s, share, &wanted), waiting, depth);
         }
     }
 
     /// The lanes of a block that `wanted` has a 1 for, each in `count` lumps.
     #[inline(always)]
-    fn give_segments(&self, block: &Block, count: u32, wanted: &[u32; LANES], depth: &mut [Corners]) {
+    fn give_segments(
+        &self,
+        block: &Block,
+        count: u32,
+        wanted: &[u32; LANES],
+        waiting: &mut Waiting,
+        depth: &mut [Corners],
+    ) {
         let share = 1.0 / count as f32;
         for i in 0..count {
-            let (splat, distance2) = lanes::block_lumps(&self.view, block, (i as f32 + 0.5) * share, share, wanted);
-            self.give(&splat, &distance2, depth);
+            let s = (i as f32 + 0.5) * share;
+            self.give(lanes::block_lumps(&self.view, block, s, share, wanted), waiting, depth);
         }
     }
 
     /// Blocks: the segments that are one lump, the others to `pieces`.
     #[inline(always)]
-    fn blocks(&self, list: &[u32], pieces: &mut List<(u32, u32)>, scratch: &mut Scratch) {
+    fn blocks(&self, list: &[u32], pieces: &mut List<(u32, u32)>, queues: &mut Queues, scratch: &mut Scratch) {
         let blocks = &self.tree.blocks;
         let own = self.receiver.on.map_or(u32::MAX, |on| on.strand);
         // One long pass.
@@ -228,8 +262,8 @@ impl<const HEMISPHERE: bool> Walk<'_, HEMISPHERE> {
                 prefetch(&blocks[soon as usize]);
             }
             let block = &blocks[index as usize];
-            let (splat, distance2, division) = lanes::block(&self.view, block, own);
-            self.give(&splat, &distance2, &mut scratch.depth);
+            let (lumps, division) = lanes::block(&self.view, block, own);
+            self.give(lumps, &mut queues.lumps, &mut scratch.depth);
             let rest = !division.one & division.used;
             pieces.append(rest, |lane| (index * LANES as u32 + lane as u32, division.lumps[lane]));
         }
@@ -271,7 +305,7 @@ impl<const HEMISPHERE: bool> Walk<'_, HEMISPHERE> {
         *waiting += 1;
         if *waiting == LANES {
             *waiting = 0;
-            self.give_segments(queue, COUNTS[kind], &first(LANES), depth);
+            self.give_segments(queue, COUNTS[kind], &first(LANES), &mut queues.lumps, depth);
         }
     }
 

@@ -110,7 +110,7 @@ fn lumps_of_nodes_have_the_solid_angle_of_their_hair_times_opacity() {
         for opening in [0.05, 0.3] {
             let view = View::<false>::new(&receiver, &map, opening);
             for node in tree.levels.iter().flatten() {
-                let (splat, distance2, division) = super::node(&view, node);
+                let ((splat, distance2), division) = super::node(&view, node);
                 for (lane, amount) in splat.amount.iter().enumerate() {
                     let d = center(node, lane) - position.as_dvec3();
                     let mass = f64::from(node.mass[lane]);
@@ -224,7 +224,7 @@ fn lumps_of_segments_sum_to_the_solid_angle_of_the_ribbon() {
                 block.opacity[lane] = 0.01 + 0.9 * random(&[5, key, lane as u32]);
                 block.segment[lane] = lane as u32;
             }
-            let (lump, _, division) = super::block(&view, &block, u32::MAX);
+            let ((lump, _), division) = super::block(&view, &block, u32::MAX);
             for (kind, lumps) in [1, 2, 4, 8].into_iter().enumerate() {
                 let mut sums = [0.0_f64; LANES];
                 let wanted = division.lumps.map(|count| u32::from(count == lumps));
@@ -260,7 +260,7 @@ fn lumps_of_segments_sum_to_the_solid_angle_of_the_ribbon() {
                 }
             }
             // Those of the own strand are never lumps, whatever their size, but their number is known.
-            let (none, _, own) = super::block(&view, &block, 0);
+            let ((none, _), own) = super::block(&view, &block, 0);
             assert_eq!((own.one, own.near, own.used), (0, 0, ALL));
             assert_eq!(own.lumps, division.lumps.map(|lumps| lumps + OWN));
             assert_eq!(none.amount, [[0.0; 4]; LANES]);
@@ -279,7 +279,7 @@ fn what_is_wider_than_a_part_of_a_cell_is_near() {
         let mut block = Block { segment: [u32::MAX; LANES], strand: [7; LANES], ..Block::default() };
         (block.a[0][0], block.b[0][0], block.b[1][0]) = (1.0, 1.0, 0.01);
         (block.widths[0][0], block.widths[1][0], block.segment[0]) = (width, width, 3);
-        let (_, _, division) = super::block(&view, &block, u32::MAX);
+        let (_, division) = super::block(&view, &block, u32::MAX);
         assert_eq!((division.near, division.one, division.used), (near, 1 - near, 1), "{width}");
         // Lanes that hold no segment are taken neither way.
         assert_eq!((division.near | division.one) & !1, 0);
