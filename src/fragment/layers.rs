@@ -173,6 +173,60 @@ impl PixelLayers {
             shaded[near].weight += layer.weight;
         }
     }
+
+    /// Draws the layers to shade, `count` (at least one) or as many as are seen, so that each counts in the mean what is seen of it: the mean over
+    /// many `random` in [0, 1) is the picture in which all layers are shaded. Layers of a weight above a bound c keep it; one of the
+    /// others is drawn with the chance weight / c and counts c, where c is such that there are `count` of them: of all unbiased ways it is that of least
+    /// variance (Fearnhead and Clifford 2003, "On-line inference for hidden Markov models via particle filters"). They are drawn in
+    /// equal steps of weight from the front to the back. The result is in depth order, and its weights add up to those of all layers.
+    pub fn draw(&self, count: usize, random: f64, shaded: &mut Vec<Shaded>) {
+        shaded.clear();
+        let seen = || self.layers.iter().filter(|layer| layer.weight > 0.0);
+        let Bound { bound, drawn } = Bound::new(seen, count.max(1));
+        let (mut sum, mut next) = (0.0, 0);
+        for layer in seen() {
+            if layer.weight >= bound {
+                shaded.push(Shaded { fragment: layer.fragment, weight: layer.weight });
+                continue;
+            }
+            sum += layer.weight;
+            if next < drawn && sum > (next as f64 + random) * bound {
+                shaded.push(Shaded { fragment: layer.fragment, weight: bound });
+                next += 1;
+            }
+        }
+        // By rounding the last step may end behind the last layer.
+        if let Some(last) = seen().rfind(|layer| layer.weight < bound).filter(|_| next < drawn) {
+            shaded.push(Shaded { fragment: last.fragment, weight: bound });
+        }
+    }
+}
+
+/// Weight from which on a layer is shaded in any case, and how many of the others are drawn.
+struct Bound {
+    bound: f64,
+    drawn: usize,
+}
+
+impl Bound {
+    /// For `count` of some layers.
+    fn new<'a, I: Iterator<Item = &'a Layer>>(layers: impl Fn() -> I, count: usize) -> Self {
+        if layers().count() <= count {
+            return Self { bound: 0.0, drawn: 0 };
+        }
+        let mut bound = f64::INFINITY;
+        let mut kept = 0;
+        loop {
+            let rest: f64 = layers().filter(|layer| layer.weight < bound).map(|layer| layer.weight).sum();
+            bound = rest / (count - kept) as f64;
+            let above = layers().filter(|layer| layer.weight >= bound).count();
+            // Taking out what is above lowers the mean of the others, so there are never more than `count` but for rounding.
+            if above == kept || above >= count {
+                return Self { bound, drawn: count.saturating_sub(above) };
+            }
+            kept = above;
+        }
+    }
 }
 
 #[cfg(test)]
@@ -285,6 +339,30 @@ mod tests {
     }
 
     #[test]
+    fn layers_that_are_drawn_count_what_is_seen_of_them() {
+        let mut pixel = PixelLayers::default();
+        let mut shaded = Vec::new();
+        let coverage = |i: u32| if i == 3 { 0.6 } else { 0.02 + 0.2 * to_unit(hash(&[i, 7])) };
+        let hair: Vec<_> = (0..40).map(|i| fragment(1.0 + i as f32, coverage(i), i)).collect();
+        pixel.composite(&hair, |_| 0.2, &[], 0);
+        for count in [1, 2, 5, 12, 40, 60] {
+            let mut sums = vec![0.0; 40];
+            let steps = 20_000;
+            for step in 0..steps {
+                pixel.draw(count, (f64::from(step) + 0.5) / f64::from(steps), &mut shaded);
+                assert_eq!(shaded.len(), count.min(40));
+                assert!(shaded.is_sorted_by(|a, b| a.fragment < b.fragment), "front to back, none twice");
+                shaded.iter().for_each(|s| sums[s.fragment as usize] += s.weight / f64::from(steps));
+            }
+            // Even steps through [0, 1): each chance is right to one of them.
+            for layer in &pixel.layers {
+                let error = (sums[layer.fragment as usize] - layer.weight).abs();
+                assert!(error <= 2.0 / f64::from(steps), "{count} of 40, layer {}: {error}", layer.fragment);
+            }
+        }
+    }
+
+    #[test]
     fn random_hair_is_as_dense_as_points_in_the_pixel_say() {
         // Lines in random places cover the pixel independently, which is what layers assume: the means over many pixels agree.
         let projection = Projection { focal: 1.0, center: DVec2::ZERO, near: 0.1 };
@@ -357,6 +435,7 @@ mod tests {
             hair in prop::collection::vec((0u32..20, 0f32..=1.0, 0f32..=1.0), 0..60),
             samples in prop::collection::vec((0u32..22, 0u32..3), 0..40),
             count in 0usize..12,
+            random in 0f64..1.0,
         ) {
             let list: Vec<_> = (hair.iter().enumerate()).map(|(i, &(z, a, _))| fragment(z as f32, a * a, i as u32)).collect();
             // Depth 20 and more is no surface.
@@ -390,6 +469,10 @@ mod tests {
             prop_assert!((kept - hair_weight).abs() < 1e-14);
             prop_assert!(shaded.len() <= count.max(1));
             prop_assert_eq!(shaded.is_empty(), hair_weight == 0.0);
+            let mut drawn = Vec::new();
+            pixel.draw(count, random, &mut drawn);
+            prop_assert!((drawn.iter().map(|s| s.weight).sum::<f64>() - hair_weight).abs() < 1e-14);
+            prop_assert!(drawn.len() <= count.max(1) && drawn.is_empty() == (hair_weight == 0.0));
             // Every layer went to a shaded layer than which none is nearer.
             let depths: Vec<_> = shaded.iter().map(|s| list[s.fragment as usize].depth).collect();
             for (n, s) in shaded.iter().enumerate() {

@@ -15,7 +15,7 @@ use crate::fragment::{
     HairFragment, HairSegment, MIN_WEIGHT, PixelLayers, PixelRect, Rank, Shaded, SurfaceHit, SurfacePixel, scan_convert,
 };
 use crate::hair::StrandSample;
-use crate::hash::hash;
+use crate::hash::{hash, unit};
 use crate::occlusion::Transmittance;
 use crate::scene::Scene;
 use crate::scene::description::{Layer, LayerChoice};
@@ -27,6 +27,7 @@ const SPACE: f32 = 2.0;
 /// Purposes of random numbers.
 const HAIR_POINT: u32 = 0x4841_4952;
 const SURFACE_POINT: u32 = 0x5355_5246;
+const DRAWN_LAYERS: u32 = 0x4C41_5952;
 
 /// What all tiles of a picture share.
 pub(super) struct Frame<'a> {
@@ -35,7 +36,7 @@ pub(super) struct Frame<'a> {
     pub rule: Transmittance,
     /// Layers a pixel that are shaded.
     pub layers: usize,
-    pub rank: Rank,
+    pub layer_choice: LayerChoice,
     /// Surface samples along a pixel's side.
     pub per_side: u32,
     pub seed: u32,
@@ -97,10 +98,7 @@ impl<'a> Frame<'a> {
             lighting,
             rule: transmittance_rule(scene),
             layers: sampling.layers as usize,
-            rank: match sampling.layer_choice {
-                LayerChoice::Seen => Rank::Seen,
-                LayerChoice::Gamma => Rank::Gamma,
-            },
+            layer_choice: sampling.layer_choice,
             per_side: f64::from(sampling.surface_samples).sqrt().ceil() as u32,
             seed: sampling.seed,
             background: scene.description().camera.background,
@@ -204,7 +202,13 @@ impl<'a> Frame<'a> {
         }
         let transparency = |fragment: &HairFragment| self.transparency(fragment);
         layers.composite(hair, transparency, &surfaces.samples, surfaces.groups.len());
-        layers.select(self.layers, self.rank, MIN_WEIGHT, shaded);
+        match self.layer_choice {
+            LayerChoice::Seen => layers.select(self.layers, Rank::Seen, MIN_WEIGHT, shaded),
+            LayerChoice::Gamma => layers.select(self.layers, Rank::Gamma, MIN_WEIGHT, shaded),
+            LayerChoice::Drawn => {
+                layers.draw(self.layers, unit(&[DRAWN_LAYERS, self.seed, pixel[0], pixel[1]]), shaded)
+            }
+        }
         for chosen in shaded.iter() {
             let fragment = &hair[chosen.fragment as usize];
             let sample = self.scene.hair.sample(fragment.segment as usize, fragment.u);

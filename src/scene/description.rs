@@ -881,6 +881,8 @@ pub enum LayerChoice {
     Seen,
     /// Those of lowest γ, as in the paper: the most opaque, hidden by other hair or not.
     Gamma,
+    /// Drawn by chance so that each counts in the mean what is seen of it: noise in place of a lasting error. For many `passes`.
+    Drawn,
 }
 
 /// What is written, and how.

@@ -12,15 +12,21 @@
 use std::collections::HashSet;
 use std::time::Instant;
 
+use self::settings::{set, set_truth, work};
+use self::worth::{AIM, MOST_PASSES, Trial, Truth, Worth, least, level, total};
 use super::accuracy::settings::KNOB;
 use super::statistics::rms_of_squares;
 use crate::hash::{hash, unit};
+use crate::render::film::Pixel;
 use crate::render::progress::Progress;
 use crate::render::statistics::{Claim, Watch};
 use crate::render::{Film, Mean, Options, Prepared, RenderError, Statistics, pass_seed, with_threads};
 use crate::scene::Scene;
-use crate::scene::description::{Description, OcclusionMode, ProjectionRule};
+use crate::scene::description::Description;
 use crate::surface::SurfaceModel;
+
+mod settings;
+mod worth;
 
 /// Purposes of random numbers.
 const DRAW: u32 = 0x4452_5043;
@@ -32,24 +38,17 @@ const PIXELS: usize = 96;
 /// Pixels looked at for one of these, at the most.
 const LOOKED_AT: usize = 64;
 
-/// Faces and layers of the reference.
-const FACES: u32 = 100;
-const LAYERS: u32 = 64;
+/// Rounds of a reference at the most; no more where its noise is below this share of the error asked for.
+const MOST_ROUNDS: u32 = 8;
+const NOISE: f64 = 1.5;
 
-/// What is aimed at, as a share of the error asked for: bias and noise are estimates.
-const AIM: f64 = 0.85;
-
-/// Passes at the most.
-const MOST_PASSES: u32 = 10_000;
+/// Runs of a trial at the most; no more where its bias is known to this share of the square aimed at.
+const MOST_RUNS: u32 = 12;
+const DOUBT: f64 = 0.25;
 
 /// Shares of a time for the reference, and for all that comes before the picture.
 const FOR_TRUTH: f64 = 0.2;
 const FOR_TRIALS: f64 = 0.35;
-
-/// Work of a look from a face, of a shadow ray to an area light and of the sum over a face, in lanes of the projection's kernels.
-const LOOK: f64 = 20.0;
-const SHADOW: f64 = 40.0;
-const FACE: f64 = 3.0;
 
 /// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,52 +57,6 @@ pub enum Goal {
     Error(f64),
     /// Seconds of the clock on the wall.
     Time(f64),
-}
-
-/// A pixel and its reference.
-#[derive(Clone, Copy, Debug)]
-struct Truth {
-    at: [u32; 2],
-    halves: [[f64; 3]; 2],
-}
-
-impl Truth {
-    fn mean(&self, channel: usize) -> f64 {
-        0.5 * (self.halves[0][channel] + self.halves[1][channel])
-    }
-
-    /// Estimate of the variance of the mean, over the channels.
-    fn variance(&self) -> f64 {
-        (0..3).map(|c| 0.25 * (self.halves[0][c] - self.halves[1][c]).powi(2)).sum::<f64>() / 3.0
-    }
-
-    /// Mean over the channels of the product of two differences.
-    fn product(&self, a: [f64; 3], b: [f64; 3]) -> f64 {
-        (0..3).map(|c| (a[c] - self.mean(c)) * (b[c] - self.mean(c))).sum::<f64>() / 3.0
-    }
-}
-
-/// Settings that may be chosen, and what a pass of them is worth.
-#[derive(Clone, Copy, Debug)]
-struct Trial {
-    /// Place on the knob; one beyond its end is the reference's own settings.
-    place: usize,
-    /// Mean squares, relative to the mean.
-    bias: f64,
-    noise: f64,
-    /// Of a pass over the whole picture: lanes, or seconds where a time is asked for.
-    work: f64,
-    /// Seconds before the first pass.
-    before: f64,
-}
-
-impl Trial {
-    /// Passes for a mean square error; none where its bias alone is more.
-    fn passes(&self, square: f64) -> Option<u32> {
-        let room = square - self.bias;
-        let passes = (self.noise / room).ceil().max(1.0);
-        (room > 0.0 && passes <= f64::from(MOST_PASSES)).then_some(passes as u32)
-    }
 }
 
 /// Renders a scene to an error or a time. The scene comes back without its surfaces and with the settings that were chosen.
@@ -197,22 +150,32 @@ impl Job<'_> {
         self.references(&seen)
     }
 
+    /// References in rounds, until their noise tells errors apart that are as large as the one asked for.
     fn references(&mut self, seen: &[[u32; 2]]) -> Result<Vec<Truth>, RenderError> {
         let (seed, progress, goal, begin) = (self.given.sampling.seed, self.progress, self.goal, self.begin);
         let prepared = self.prepare(KNOB.len())?;
         progress.stage("calibrating", 2 * seen.len() as u64);
-        let mut truths = Vec::new();
+        let mut truths: Vec<Truth> = Vec::new();
         // Where time is short, as many pixels as there is time for.
         for some in seen.chunks(16) {
             let spent = |time: f64| begin.elapsed().as_secs_f64() > FOR_TRUTH * time;
             if matches!(goal, Goal::Time(time) if spent(time) && truths.len() >= 16) {
                 break;
             }
-            let halves = [0, 1].map(|half| prepared.pixels(some, hash(&[TRUTH, seed, half]), progress));
-            let [a, b] = halves;
-            for (at, (a, b)) in some.iter().zip(a?.pixels.iter().zip(b?.pixels)) {
-                let halves = [a.beauty, b.beauty].map(|beauty| beauty.as_dvec3().to_array());
-                truths.push(Truth { at: *at, halves });
+            truths.extend(round(&prepared, some, [seed, 0], progress)?);
+        }
+        let Goal::Error(error) = goal else { return Ok(truths) };
+        for done in 1..MOST_ROUNDS {
+            let variance = truths.iter().map(Truth::variance).sum::<f64>() / truths.len().max(1) as f64;
+            if variance.sqrt() < NOISE * error * level(&truths) {
+                break;
+            }
+            progress.stage("calibrating", 2 * seen.len() as u64);
+            for (truth, other) in truths.iter_mut().zip(round(&prepared, seen, [seed, done], progress)?) {
+                let share = 1.0 / f64::from(done + 1);
+                for (mean, new) in truth.halves.as_flattened_mut().iter_mut().zip(other.halves.as_flattened()) {
+                    *mean += share * (new - *mean);
+                }
             }
         }
         Ok(truths)
@@ -251,24 +214,32 @@ impl Job<'_> {
         let before = begin.elapsed().as_secs_f64();
         let at: Vec<[u32; 2]> = truths.iter().map(|truth| truth.at).collect();
         let begin = Instant::now();
-        let [first, second] = [0, 1].map(|n| prepared.pixels(&at, hash(&[TRIAL, seed, n]), progress));
-        let (first, second) = (first?, second?);
-        let seconds = 0.5 * begin.elapsed().as_secs_f64();
+        let mut points = [0, 0];
+        let mut runs: Vec<Vec<[f64; 3]>> = Vec::new();
+        let worth = loop {
+            let found = prepared.pixels(&at, hash(&[TRIAL, seed, runs.len() as u32]), progress)?;
+            points = [points[0] + found.hair_points, points[1] + found.surface_points];
+            runs.push(found.pixels.iter().map(|pixel| pixel.beauty.as_dvec3().to_array()).collect());
+            if runs.len() < 2 {
+                continue;
+            }
+            let worth = Worth::new(truths, &runs, level);
+            let known = match goal {
+                Goal::Error(error) => worth.doubt < DOUBT * (AIM * error).powi(2),
+                Goal::Time(_) => true,
+            };
+            if known || runs.len() >= MOST_RUNS as usize {
+                break worth;
+            }
+        };
         let window = prepared.window();
         let all = f64::from(window.max[0] - window.min[0]) * f64::from(window.max[1] - window.min[1]);
-        let scale = all / truths.len().max(1) as f64;
+        let scale = all / (truths.len() * runs.len()).max(1) as f64;
         let work = match goal {
-            Goal::Error(_) => scale * work(&prepared, first.hair_points, first.surface_points),
-            Goal::Time(_) => scale * seconds,
+            Goal::Error(_) => scale * work(&prepared, points[0], points[1]),
+            Goal::Time(_) => scale * begin.elapsed().as_secs_f64(),
         };
-        let (mut product, mut noise) = (0.0, 0.0);
-        for (truth, (a, b)) in truths.iter().zip(first.pixels.iter().zip(&second.pixels)) {
-            let [a, b] = [a, b].map(|pixel| pixel.beauty.as_dvec3().to_array());
-            product += truth.product(a, b) - truth.variance();
-            noise += (0..3).map(|c| 0.5 * (a[c] - b[c]).powi(2)).sum::<f64>() / 3.0;
-        }
-        let count = truths.len().max(1) as f64 * level * level;
-        Ok(Trial { place, bias: (product / count).max(0.0), noise: noise / count, work, before })
+        Ok(Trial { place, worth, work, before })
     }
 
     /// The settings that take least work for the error, or leave the least error for the time; and how many passes.
@@ -283,8 +254,8 @@ impl Job<'_> {
                 // None: what errs least in its bias, in passes that hardly add to it.
                 return best.map_or_else(
                     || {
-                        let least = *least(trials, |trial| trial.bias);
-                        (least, least.passes(square.max(1.1 * least.bias)).unwrap_or(64))
+                        let least = *least(trials, |trial| trial.worth.bias);
+                        (least, least.passes(square.max(1.1 * least.worth.bias)).unwrap_or(64))
                     },
                     |(trial, passes)| (*trial, passes),
                 );
@@ -296,7 +267,7 @@ impl Job<'_> {
         if possible.is_empty() {
             return (*least(trials, |trial| trial.work), 1);
         }
-        let best = *least(&possible, |trial| trial.bias + trial.noise / passes(trial).max(1.0));
+        let best = *least(&possible, |trial| trial.worth.bias + trial.worth.noise / passes(trial).max(1.0));
         (best, passes(&best).min(f64::from(MOST_PASSES)) as u32)
     }
 
@@ -334,7 +305,7 @@ impl Job<'_> {
                         truth.product(value, value) - truth.variance()
                     });
                     let square = square.sum::<f64>() / (choosing.len().max(1) as f64 * level * level);
-                    let noise = trial.noise / f64::from(done);
+                    let noise = trial.worth.noise / f64::from(done);
                     // More passes help against noise only.
                     if square <= error * error || noise < 0.1 * square || done >= MOST_PASSES || done >= 8 * planned {
                         break;
@@ -400,107 +371,18 @@ impl Job<'_> {
     }
 }
 
-/// The settings of a place of the knob. Hair occlusion by the estimator that takes less, unless the scene has it off.
-fn set(description: &mut Description, values: &[&str; 5]) {
-    let number = |index: usize| values[index].parse::<f64>().unwrap_or(1.0);
-    let occlusion = &mut description.occlusion;
-    if occlusion.mode != OcclusionMode::None {
-        occlusion.mode = OcclusionMode::Auto;
-    }
-    (occlusion.opening, occlusion.rays, occlusion.thinning) = (None, None, None);
-    occlusion.projection = ProjectionRule::Sphere;
-    occlusion.accuracy = number(0);
-    occlusion.faces = Some(number(1) as u32);
-    description.sampling.layers = number(2) as u32;
-    description.sampling.area_light_samples = number(3) as u32;
-    description.sampling.surface_samples = number(4) as u32;
-}
-
-/// The settings of the reference: what they err by falls with the number of passes, but for the faces.
-fn set_truth(description: &mut Description) {
-    let occlusion = &mut description.occlusion;
-    if occlusion.mode != OcclusionMode::None {
-        occlusion.mode = OcclusionMode::Raytraced;
-    }
-    (occlusion.opening, occlusion.thinning) = (None, None);
-    occlusion.projection = ProjectionRule::Sphere;
-    occlusion.rays = Some(2 * FACES);
-    occlusion.faces = Some(FACES);
-    description.sampling.layers = LAYERS;
-    description.sampling.area_light_samples = 64;
-    description.sampling.surface_samples = 64;
-}
-
-/// Mean value of references.
-fn level(truths: &[Truth]) -> f64 {
-    let sum: f64 = truths.iter().map(|truth| (0..3).map(|c| truth.mean(c)).sum::<f64>() / 3.0).sum();
-    (sum / truths.len().max(1) as f64).max(1e-30)
-}
-
-/// The least work that reaches an error; infinite where nothing does.
-fn total(trials: &[Trial], error: f64) -> f64 {
-    let square = (AIM * error).powi(2);
-    let work = trials.iter().filter_map(|trial| Some(trial.work * f64::from(trial.passes(square)?)));
-    work.fold(f64::INFINITY, f64::min)
-}
-
-/// The one with the least of something; there is at least one.
-fn least(trials: &[Trial], value: impl Fn(&Trial) -> f64) -> &Trial {
-    let mut best = &trials[0];
-    for trial in trials {
-        if value(trial) < value(best) {
-            best = trial;
-        }
-    }
-    best
-}
-
-/// Work of shading points, in lanes: counted, so that it is the same in every run.
-fn work(prepared: &Prepared<'_>, hair_points: u64, surface_points: u64) -> f64 {
-    let scene = prepared.scene();
-    let description = scene.description();
-    let faces = f64::from(description.occlusion.face_count());
-    let look = if prepared.statistics().triangles > 0 { LOOK } else { 0.0 };
-    let lights = scene.area.len() as f64 * f64::from(description.sampling.area_light_samples) * SHADOW;
-    let settled = prepared.statistics().occlusion.as_ref();
-    let fixed = f64::from(description.occlusion.rays.unwrap_or(0)) * 4.0 * LOOK;
-    let gamma = |hair: bool| {
-        let found = settled.and_then(|settled| if hair { settled.hair } else { settled.surface });
-        let projected = settled.is_some_and(|settled| settled.estimator == "igloo");
-        found.map_or(fixed, |found| match found.projection {
-            Some(projection) if projected => projection.work,
-            _ => found.ray_work,
-        })
+/// One round of references: each half by random numbers of its own. `name` is the seed and the number of the round.
+fn round(
+    prepared: &Prepared<'_>,
+    pixels: &[[u32; 2]],
+    [seed, number]: [u32; 2],
+    progress: &dyn Progress,
+) -> Result<Vec<Truth>, RenderError> {
+    let [a, b] = [0, 1].map(|half| prepared.pixels(pixels, hash(&[TRUTH, seed, half, number]), progress));
+    let (a, b) = (a?, b?);
+    let truth = |(&at, (a, b)): (&[u32; 2], (&Pixel, &Pixel))| Truth {
+        at,
+        halves: [a.beauty, b.beauty].map(|beauty| beauty.as_dvec3().to_array()),
     };
-    let hair = gamma(true) + 2.0 * faces * (look + FACE) + lights;
-    let surface = gamma(false) + faces * (look + FACE) + lights;
-    hair_points as f64 * hair + surface_points as f64 * surface
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn trial(bias: f64, noise: f64, work: f64) -> Trial {
-        Trial { place: 0, bias, noise, work, before: 0.0 }
-    }
-
-    #[test]
-    fn passes_go_against_noise_and_never_against_bias() {
-        let square = 0.01_f64.powi(2);
-        assert_eq!(trial(0.0, 0.0, 1.0).passes(square), Some(1));
-        assert_eq!(trial(0.5 * square, 2.0 * square, 1.0).passes(square), Some(4));
-        assert_eq!(trial(1.1 * square, 0.0, 1.0).passes(square), None);
-        let trials = [trial(0.9 * AIM * AIM * square, AIM * AIM * square, 1.0), trial(0.0, AIM * AIM * square, 5.0)];
-        assert!((total(&trials, 0.01) - 5.0).abs() < 1e-9, "ten passes of the first, one of the second");
-    }
-
-    #[test]
-    fn the_error_of_a_truth_is_without_its_noise() {
-        // Halves 1 ± e: the mean is 1, its variance e²/... = (2e)²/4 = e².
-        let truth = Truth { at: [0, 0], halves: [[1.1; 3], [0.9; 3]] };
-        assert!((truth.variance() - 0.01).abs() < 1e-12);
-        assert!((truth.product([1.2; 3], [1.3; 3]) - 0.06).abs() < 1e-12);
-        assert!((level(&[truth]) - 1.0).abs() < 1e-12);
-    }
+    Ok(pixels.iter().zip(a.pixels.iter().zip(&b.pixels)).map(truth).collect())
 }
