@@ -26,13 +26,16 @@ use crate::surface::SurfacePoint;
 const FACE: u32 = 0x4641_4345;
 /// Purpose of the random numbers of what a ray meets.
 const MET: u32 = 0x4D45_5421;
+/// Purpose of the random numbers that leave out what is worth little.
+const WORTH: u32 = 0x574F_5254;
 /// Purpose of the random numbers that end rays to area lights and sources in hair.
 const TOWARD: u32 = 0x544F_5744;
 /// 2^32 divided by the golden ratio: its multiples modulo 2^32 are evenly spread.
 const GOLDEN: u32 = 0x9e37_79b9;
 
-/// What a face must pass on of a radiance of 1 for its surface to be lit: the faces left out add up to less than half a per cent.
-const WORTH_A_LOOK: f32 = 2e-5;
+/// A surface that a face's ray met is lit in any case where the face passes on at least this share of what all faces do, else by a chance in
+/// proportion and counts the more (Russian roulette). Higher shares cost more in noise than they save in time (`docs/method.md`).
+const WORTH_A_LOOK: f32 = 0.005;
 
 /// Light of a point, by layer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -339,21 +342,29 @@ impl<'s> Lighting<'s> {
         let begin = Instant::now();
         let solid_angle = igloo.face_solid_angle();
         let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
+        // What a face passes on of a radiance of 1, to all layers that are wanted.
+        let passes_on = |face: usize| {
+            let free = reflect(face) * solid_angle;
+            if self.effects.unoccluded_layer { free } else { free * gamma[face] }.max_element()
+        };
+        let reflected = self.effects.reflection && !hits.is_empty();
+        let all = if reflected { (0..igloo.len()).map(passes_on).sum::<f32>() } else { 0.0 };
         for face in 0..igloo.len() {
             let free = reflect(face) * solid_angle;
-            let weight = free * gamma[face];
             let radiance = match hits.get(face).and_then(Option::as_ref) {
                 None => means[face],
-                Some(_) if !self.effects.reflection => continue,
+                Some(_) if !reflected => continue,
                 Some(hit) => {
-                    let wanted = if self.effects.unoccluded_layer { free } else { weight };
-                    if wanted.max_element() < WORTH_A_LOOK {
+                    let wanted = passes_on(face);
+                    // What is not a number has to be seen: it is lit.
+                    let chance = (wanted / (WORTH_A_LOOK * all)).min(1.0);
+                    if wanted == 0.0 || to_unit(hash(&[WORTH, key, face as u32])) >= chance {
                         continue;
                     }
-                    self.light.reflected(hit, hash(&[MET, key, face as u32]), &hair)
+                    self.light.reflected(hit, hash(&[MET, key, face as u32]), &hair) / chance
                 }
             };
-            lit.environment += weight * radiance;
+            lit.environment += free * gamma[face] * radiance;
             if self.effects.unoccluded_layer {
                 lit.unoccluded += free * radiance;
             }
