@@ -194,7 +194,8 @@ fn claims_hold() {
         let occluded = load(&[]).description().occlusion.mode != tress::scene::description::OcclusionMode::None;
         let mut fine = vec![
             "occlusion.faces=196",
-            "sampling.layers=256",
+            "sampling.layers=32",
+            "sampling.layer_choice=drawn",
             "sampling.area_light_samples=64",
             "sampling.surface_samples=64",
             "sampling.seed=99",
