@@ -2,6 +2,9 @@
 
 use std::path::PathBuf;
 
+use crate::effects::Effect;
+use crate::render::costs::Cost;
+use crate::render::memory::amount;
 use crate::render::statistics::Claim;
 use crate::render::{Settled, Statistics};
 
@@ -12,6 +15,8 @@ pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf], effects: bool)
     if effects {
         let state = |on| if on { "on " } else { "off" };
         lines.extend(s.effects.iter().map(|e| format!("effect {}: {}: {}", state(e.on), e.name, e.reason)));
+    } else {
+        lines.extend(overridden(&s.effects));
     }
     lines.extend(s.occlusion.iter().flat_map(occlusion));
     lines.extend([
@@ -40,6 +45,9 @@ pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf], effects: bool)
             s.cpu_seconds.fragments, s.cpu_seconds.gamma, s.cpu_seconds.lambda, s.cpu_seconds.direct
         ),
     ]);
+    if effects || s.planned_cpu_seconds.is_some() {
+        lines.extend(costs(s));
+    }
     lines.extend(s.claim.iter().map(|claim| claimed(claim, s.passes)));
     if s.non_finite > 0 {
         lines.push(format!(
@@ -53,6 +61,41 @@ pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf], effects: bool)
         lines.push("  tress render --pixel x,y shows all that makes up such a pixel".to_owned());
     }
     lines.extend(outputs.iter().map(|path| format!("wrote {}", path.display())));
+    lines
+}
+
+/// The effects that the user left out or forced on.
+fn overridden(effects: &[Effect]) -> Vec<String> {
+    let names = |wanted: fn(&Effect) -> bool| {
+        effects.iter().filter(|effect| wanted(effect)).map(|effect| effect.name).collect::<Vec<_>>().join(", ")
+    };
+    [("left out", names(|effect| effect.left_out)), ("forced on", names(|effect| effect.forced))]
+        .into_iter()
+        .filter(|(_, names)| !names.is_empty())
+        .map(|(what, names)| format!("effects {what}: {names}"))
+        .collect()
+}
+
+/// What each effect took that took anything, beside what was planned.
+fn costs(statistics: &Statistics) -> Vec<String> {
+    let beside = |plan: Option<String>| plan.map_or_else(String::new, |plan| format!(" (planned {plan})"));
+    let took_any = |cost: &&Cost| cost.on || cost.cpu_seconds() > 0.0;
+    let mut lines = vec![match statistics.planned_cpu_seconds {
+        Some(planned) => format!("each effect's own CPU time and memory; planned in all {planned:.2} s:"),
+        None => "each effect's own CPU time and memory:".to_owned(),
+    }];
+    lines.extend(statistics.costs.iter().filter(took_any).map(|cost| {
+        let [seconds, bytes] = [
+            beside(cost.planned.map(|planned| format!("{:.2} s", planned.cpu_seconds))),
+            beside(cost.planned.map(|planned| amount(planned.bytes))),
+        ];
+        format!("  {}: {:.2} s{seconds}, {}{bytes}", cost.name, cost.cpu_seconds(), amount(cost.bytes))
+    }));
+    let own: f64 = statistics.costs.iter().map(Cost::cpu_seconds).sum();
+    let pictures =
+        statistics.stages.iter().filter(|stage| !matches!(&*stage.name, "loading" | "writing" | "cross-check"));
+    let all: f64 = pictures.map(|stage| stage.cpu_seconds).sum();
+    lines.push(format!("  all else: {:.2} s", (all - own).max(0.0)));
     lines
 }
 
