@@ -11,6 +11,9 @@ use crate::illumination::DirectLight;
 use crate::scene::description::{EffectChoice, EffectName, IndirectMode, Layer, OcclusionMode, Shadows};
 use crate::scene::{HairShading, Scene};
 
+/// Whether all but hair and the environment is compiled out of the work on pixels: the feature `absent`.
+pub const ABSENT: bool = cfg!(feature = "absent");
+
 /// One effect, and why it is on or off.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Effect {

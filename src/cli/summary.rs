@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::effects::Effect;
-use crate::render::costs::Cost;
+use crate::render::costs::{Cost, Planned};
 use crate::render::memory::amount;
 use crate::render::statistics::Claim;
 use crate::render::{Settled, Statistics};
@@ -78,25 +78,34 @@ fn overridden(effects: &[Effect]) -> Vec<String> {
 
 /// What each effect took that took anything, beside what was planned.
 fn costs(statistics: &Statistics) -> Vec<String> {
-    let beside = |plan: Option<String>| plan.map_or_else(String::new, |plan| format!(" (planned {plan})"));
-    let took_any = |cost: &&Cost| cost.on || cost.cpu_seconds() > 0.0;
-    let mut lines = vec![match statistics.planned_cpu_seconds {
-        Some(planned) => format!("each effect's own CPU time and memory; planned in all {planned:.2} s:"),
-        None => "each effect's own CPU time and memory:".to_owned(),
-    }];
+    let seconds = |seconds: f64| format!("{seconds:.2} s");
+    let row = |name: &str, [time, planned, held, expected]: [String; 4]| {
+        if statistics.planned_cpu_seconds.is_some() {
+            format!("  {time:>9} {planned:>9}  {held:>13} {expected:>13}  {name}")
+        } else {
+            format!("  {time:>9}  {held:>13}  {name}")
+        }
+    };
+    let took_any = |cost: &&Cost| cost.cpu_seconds() >= 0.005 || cost.bytes > 0 || planned(cost).cpu_seconds >= 0.005;
+    let mut lines = vec![row("effect", ["CPU time", "planned", "memory", "planned"].map(str::to_owned))];
     lines.extend(statistics.costs.iter().filter(took_any).map(|cost| {
-        let [seconds, bytes] = [
-            beside(cost.planned.map(|planned| format!("{:.2} s", planned.cpu_seconds))),
-            beside(cost.planned.map(|planned| amount(planned.bytes))),
-        ];
-        format!("  {}: {:.2} s{seconds}, {}{bytes}", cost.name, cost.cpu_seconds(), amount(cost.bytes))
+        let Planned { cpu_seconds, bytes } = planned(cost);
+        row(cost.name, [seconds(cost.cpu_seconds()), seconds(cpu_seconds), amount(cost.bytes), amount(bytes)])
     }));
-    let own: f64 = statistics.costs.iter().map(Cost::cpu_seconds).sum();
+    let [own, own_planned] = [Cost::cpu_seconds, |cost: &Cost| planned(cost).cpu_seconds]
+        .map(|part| statistics.costs.iter().map(part).sum());
     let pictures =
         statistics.stages.iter().filter(|stage| !matches!(&*stage.name, "loading" | "writing" | "cross-check"));
     let all: f64 = pictures.map(|stage| stage.cpu_seconds).sum();
-    lines.push(format!("  all else: {:.2} s", (all - own).max(0.0)));
+    let rest = |all: f64, own: f64| seconds((all - own).max(0.0));
+    let planned = statistics.planned_cpu_seconds.unwrap_or_default();
+    let nothing = String::new;
+    lines.push(row("all else", [rest(all, own), rest(planned, own_planned), nothing(), nothing()]));
     lines
+}
+
+fn planned(cost: &Cost) -> Planned {
+    cost.planned.unwrap_or_default()
 }
 
 /// The error of the picture.

@@ -13,7 +13,8 @@ use serde::Serialize;
 
 use super::clock::{Clock, Part};
 use super::shadows::Made;
-use super::statistics::Statistics;
+use super::statistics::{Statistics, Watch};
+use crate::embree::Device;
 use crate::hair::{Colors, HairModel};
 use crate::scene::description::EffectName;
 use crate::tally::Work;
@@ -24,6 +25,38 @@ pub struct Built {
     pub effect: EffectName,
     pub cpu_seconds: f64,
     pub bytes: u64,
+}
+
+/// Notes what structures take, one after the other.
+#[derive(Debug)]
+pub(super) struct Ledger<'d> {
+    device: &'d Device,
+    /// Embree's memory at the last note.
+    held: u64,
+    watch: Watch,
+    pub built: Vec<Built>,
+}
+
+impl<'d> Ledger<'d> {
+    /// Begins; `device` is the one that all structures for rays are built with.
+    pub fn start(device: &'d Device) -> Self {
+        Self { device, held: device.memory_bytes(), watch: Watch::start(), built: Vec::new() }
+    }
+
+    /// The time since the last note, `bytes` and what Embree has taken since are an effect's, if it is on; else nobody's.
+    pub fn note(&mut self, on: bool, effect: EffectName, bytes: u64) {
+        let held = self.device.memory_bytes();
+        let bytes = bytes + held.saturating_sub(std::mem::replace(&mut self.held, held));
+        let cpu_seconds = self.watch.lap();
+        if on {
+            self.built.push(Built { effect, cpu_seconds, bytes });
+        }
+    }
+
+    /// The time since the last note is told elsewhere.
+    pub fn pass(&mut self) {
+        self.watch.lap();
+    }
 }
 
 /// What an effect took.
@@ -120,8 +153,9 @@ impl Measured<'_> {
         let is_on = |key| statistics.effects.iter().any(|effect| effect.key == key && effect.on);
         let shines = is_on(EffectName::Environment);
         let cost = |effect: &crate::effects::Effect| {
-            let (building, bytes) = self.structures(effect.key, statistics);
-            let rendering = self.pixels(effect.key, shines, statistics);
+            // To read the clock around what is off takes a little time: no effect's.
+            let (building, bytes) = if effect.on { self.structures(effect.key, statistics) } else { (0.0, 0) };
+            let rendering = if effect.on { self.pixels(effect.key, shines, statistics) } else { 0.0 };
             let count = |work: &Work| (work.name(), statistics.work.of(*work));
             let work = own_work(effect.key).iter().map(count).collect();
             Cost {

@@ -12,15 +12,14 @@ use glam::{Mat3, Vec3};
 
 use super::RenderError;
 use super::clock::{Clock, Lap, Part};
-use super::costs::Built;
+use super::costs::{Built, Ledger};
 use super::estimator::{self, Estimator};
 use super::faces;
 use super::progress::Progress;
 use super::shadows::{HairShadow, HairShadows, Made};
-use super::statistics::Watch;
-use crate::effects::Effects;
+use crate::effects::{ABSENT, Effects};
 use crate::embree::Device;
-use crate::hair::{Colors, OnStrand, StrandSample};
+use crate::hair::{OnStrand, StrandSample};
 use crate::hash::{hash, to_unit};
 use crate::illumination::lights::Incident;
 use crate::illumination::{Environment, Illumination};
@@ -116,34 +115,23 @@ impl<'s> Lighting<'s> {
         let device = Device::with_threads(rayon::current_num_threads())?;
         let called_for = effects;
         let effects = called_for.with(&scene.description().effects.forced);
-        let mut built = Vec::new();
-        let mut note = |watch: &mut Watch, effect, bytes| {
-            built.push(Built { effect, cpu_seconds: watch.lap(), bytes });
-        };
-        let mut watch = Watch::start();
-        let mut embree = 0;
-        let mut by_embree =
-            |device: &Device| device.memory_bytes() - std::mem::replace(&mut embree, device.memory_bytes());
-        by_embree(&device);
+        let mut ledger = Ledger::start(&device);
         let surfaces = std::mem::take(&mut scene.surfaces);
         let held = surfaces.bytes();
         let surfaces = effects.surfaces.then(|| surfaces.into_traceable(&device)).transpose()?;
-        note(&mut watch, EffectName::Surfaces, if effects.surfaces { held + by_embree(&device) } else { 0 });
+        ledger.note(effects.surfaces, EffectName::Surfaces, held);
         if effects.color_variation {
             scene.hair.spread_colors();
+            tally::add(Work::PointColors, scene.hair.points.len() as u64);
         }
-        if let Colors::PerPoint(colors) = &scene.hair.color {
-            tally::add(Work::PointColors, colors.len() as u64);
-        }
-        note(&mut watch, EffectName::ColorVariation, 0);
+        ledger.note(effects.color_variation, EffectName::ColorVariation, 0);
         let scene = &*scene;
         let settings = &scene.description().occlusion;
         let hair_rays = effects.hair_rays.then(|| estimator::hair_rays(&device, scene)).transpose()?;
-        let held = hair_rays.as_ref().map_or(0, |rays| rays.bytes() + by_embree(&device));
-        note(&mut watch, EffectName::RaysThroughHair, held);
+        let held = hair_rays.as_ref().map_or(0, HairRays::bytes);
+        ledger.note(effects.hair_rays, EffectName::RaysThroughHair, held);
         let shadows = HairShadow::build(scene, &called_for, progress)?;
-        // The maps are told of one by one.
-        watch.lap();
+        ledger.pass();
         let faces = settings.face_count();
         let environment = Environment::new(scene.radiance.clone(), scene.sources.clone(), scene.to_map, faces);
         let light = Illumination::new(environment, scene.direct.clone(), scene.area.clone(), surfaces, faces);
@@ -156,13 +144,14 @@ impl<'s> Lighting<'s> {
             0.5 * (ring.top + ring.bottom)
         };
         let cosines = (0..hemisphere.len()).map(cosine).collect();
-        note(&mut watch, EffectName::Environment, scene.radiance.bytes());
+        ledger.note(effects.environment, EffectName::Environment, scene.radiance.bytes());
         let forced = effects.highlight && !called_for.highlight;
         let fibre = |object: &HairObject| fibres::fibre(&object.shading, sphere.face_width(), forced);
-        let fibres = scene.hair_objects.iter().map(fibre).collect();
-        note(&mut watch, EffectName::Highlight, 0);
+        let objects = if scene.hair.is_empty() { &[] } else { &scene.hair_objects[..] };
+        let fibres = objects.iter().map(fibre).collect();
+        ledger.note(effects.highlight, EffectName::Highlight, 0);
         let estimator = Estimator::build(scene, &called_for, &sphere, &hemisphere);
-        note(&mut watch, EffectName::HairOcclusionByProjection, estimator.bytes());
+        ledger.note(called_for.projected_occlusion, EffectName::HairOcclusionByProjection, estimator.bytes());
         Ok(Self {
             effects,
             called_for,
@@ -179,7 +168,7 @@ impl<'s> Lighting<'s> {
             hemisphere,
             cosines,
             fibres,
-            built,
+            built: ledger.built,
             scene,
         })
     }
@@ -326,7 +315,7 @@ impl<'s> Lighting<'s> {
         space.far.clear();
         space.far.resize(igloo.len(), f32::INFINITY);
         space.hits.clear();
-        if self.effects.surfaces {
+        if !ABSENT && self.effects.surfaces {
             space.directions.clear();
             space.directions.extend((0..igloo.len()).map(|face| {
                 let jitter = |axis| to_unit(hash(&[FACE, key, face as u32, axis]));
@@ -347,7 +336,7 @@ impl<'s> Lighting<'s> {
     fn occlude(&self, receiver: &Receiver, igloo: &Igloo, key: u32, space: &mut Workspace) {
         let mut lap = Lap::start();
         let Workspace { far, gamma, estimator, .. } = space;
-        let (hair, rays, open) = (&self.scene.hair, self.hair_rays.as_ref(), !self.effects.surfaces);
+        let (hair, rays, open) = (&self.scene.hair, self.hair_rays.as_ref(), ABSENT || !self.effects.surfaces);
         self.estimator.transmittances(hair, rays, receiver, igloo, far, open, key, gamma, estimator);
         lap.ends(Part::Occlusion, &mut space.clock);
     }
@@ -374,7 +363,7 @@ impl<'s> Lighting<'s> {
             let beyond = |(mean, hit): (&Vec3, &Option<SurfacePoint>)| if hit.is_some() { Vec3::ZERO } else { *mean };
             light.extend(means.iter().zip(hits).map(beyond));
         }
-        if self.effects.reflection {
+        if !ABSENT && self.effects.reflection {
             lap.ends(Part::Faces, clock);
             self.light_surfaces(free, key, hits, gamma, light);
             lap.ends(Part::Reflection, clock);
@@ -384,7 +373,7 @@ impl<'s> Lighting<'s> {
         }
         if self.effects.environment || self.effects.reflection {
             let light = if hits.is_empty() { means } else { light };
-            let sum = if self.effects.unoccluded_layer {
+            let sum = if !ABSENT && self.effects.unoccluded_layer {
                 faces::sum::<true>(free, gamma, light, hits)
             } else {
                 faces::sum::<false>(free, gamma, light, hits)
@@ -406,7 +395,7 @@ impl<'s> Lighting<'s> {
         reflect: impl Fn(Vec3) -> Vec3,
         lit: &mut Lit,
     ) {
-        if !self.effects.area_lights && !self.effects.small_sources && !self.effects.photons {
+        if ABSENT || !self.effects.area_lights && !self.effects.small_sources && !self.effects.photons {
             return;
         }
         let mut lap = Lap::start();

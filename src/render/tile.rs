@@ -12,6 +12,7 @@ use super::lighting::{Lighting, Lit, Workspace};
 use super::progress::Progress;
 use super::statistics::NonFinite;
 use crate::camera::Camera;
+use crate::effects::ABSENT;
 use crate::fragment::{
     HairFragment, HairSegment, MIN_WEIGHT, PixelLayers, PixelRect, Rank, Shaded, SurfaceHit, SurfacePixel, scan_convert,
 };
@@ -200,7 +201,7 @@ impl<'a> Frame<'a> {
         let TileSpace { hair, surfaces, met, layers, shaded, points, workspace, .. } = space;
         surfaces.samples.clear();
         surfaces.groups.clear();
-        if let Some(scene) = &self.lighting.illumination().surfaces {
+        if let Some(scene) = self.lighting.illumination().surfaces.as_ref().filter(|_| !ABSENT) {
             let mut lap = Lap::start();
             met.clear();
             let hit = |origin, direction| self.camera_ray(scene, origin, direction, met);

@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::{Lighting, Lit, Workspace};
+use crate::effects::ABSENT;
 use crate::illumination::DirectLight;
 use crate::illumination::lights::Incident;
 use crate::render::clock::{Lap, Part};
@@ -13,7 +14,7 @@ use crate::tally::{self, Work};
 impl Lighting<'_> {
     /// Lights without extent: through surfaces by a ray each, through hair as each of them asks for.
     pub(super) fn direct(&self, point: &Point, space: &mut Workspace, reflect: impl Fn(Vec3) -> Vec3, lit: &mut Lit) {
-        if !self.effects.lamps() {
+        if ABSENT || !self.effects.lamps() {
             return;
         }
         let mut lap = Lap::start();
