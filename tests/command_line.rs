@@ -69,10 +69,10 @@ fn a_plan_tells_what_is_left_out() {
 #[test]
 fn a_plan_tells_what_is_forced_on() {
     let folder = folder(SOUND);
-    let forced = ["--with", "hair", "--with", "light-reflected-by-surfaces"];
+    let forced = ["--with", "hair", "--with", "area-lights"];
     let (code, out, err) = run(folder.path(), &[&["plan", "scene.toml", "--no-probe"], &forced[..]].concat());
     assert_eq!(code, 0, "{err}");
-    for name in ["hair", "light reflected by surfaces"] {
+    for name in ["hair", "area lights"] {
         let line = out.lines().find(|line| {
             line.split_once(": ").is_some_and(|(_, rest)| rest.trim_start().starts_with(&format!("{name}  ")))
         });
