@@ -10,8 +10,9 @@ const WORTH_A_LOOK: f32 = 2e-5;
 
 /// Whether the surface of a face is worth being lit for what the face passes on.
 pub fn worth_a_look(passed_on: Vec3) -> bool {
+    let most = passed_on.max_element();
     // What is no number is worth it: it shall be seen.
-    !(passed_on.max_element() < WORTH_A_LOOK)
+    most >= WORTH_A_LOOK || most.is_nan()
 }
 
 /// The sum over the faces, with hair and, where `UNOCCLUDED`, also without.
