@@ -44,7 +44,7 @@ impl Lighting<'_> {
         }
     }
 
-    /// Traces the photons that the scene asks for. After [`settle`](super::settle): whether hair dims them is the estimator's to say.
+    /// Traces the photons that the scene asks for. After [`settle`](crate::render::settle): whether hair dims them is the estimator's to say.
     ///
     /// # Errors
     /// Cancelled work.
@@ -69,7 +69,7 @@ impl Lighting<'_> {
         Ok(())
     }
 
-    /// Adds the estimators of Γ that are only forced on. After [`settle`](super::settle), whose business they are not.
+    /// Adds the estimators of Γ that are only forced on. After [`settle`](crate::render::settle), whose business they are not.
     pub(in crate::render) fn force_estimators(&mut self) {
         let igloos = [&self.sphere, &self.hemisphere];
         let counts = std::mem::replace(&mut self.estimator, Estimator::Free);
