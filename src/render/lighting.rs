@@ -94,6 +94,8 @@ pub struct Lighting<'s> {
     /// The igloo of hair: two hemispheres, unturned.
     sphere: Igloo,
     centers: Vec<Vec3>,
+    /// Mirrors and glass that a ray meets at the most.
+    specular_depth: u32,
     /// The igloo of surfaces: one hemisphere around the normal.
     hemisphere: Igloo,
     /// Mean cosine over each of its faces.
@@ -116,6 +118,25 @@ pub struct Workspace {
     means_normal: Vec3,
     estimator: estimator::Space,
     pub clock: Clock,
+    /// What rays saw in mirrors and glass.
+    pub specular: Reflections,
+}
+
+/// How much of what rays saw in mirrors and glass is missing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reflections {
+    /// Rays that met mirrors or glass, by their weights.
+    pub rays: f64,
+    /// Those of them that were still under way when they had met the most that they may.
+    pub cut: f64,
+}
+
+impl Reflections {
+    /// Adds others.
+    pub fn add(&mut self, other: &Self) {
+        self.rays += other.rays;
+        self.cut += other.cut;
+    }
 }
 
 impl<'s> Lighting<'s> {
@@ -157,6 +178,7 @@ impl<'s> Lighting<'s> {
             area_samples: (scene.description().sampling.area_light_samples as f32).sqrt().ceil() as u32,
             sphere,
             centers,
+            specular_depth: scene.description().indirect.specular_depth,
             hemisphere,
             cosines,
             fibres,
@@ -189,8 +211,9 @@ impl<'s> Lighting<'s> {
             fibre.reflect_faces(&point, &faces, &mut space.reflected);
             space.clock.lambda += begin.elapsed();
             let means = self.light.means();
-            let Workspace { reflected, hits, gamma, clock, .. } = space;
-            self.sum_faces(&self.sphere, means, key, hits, gamma, clock, |face| reflected[face], &mut lit);
+            let Workspace { reflected, hits, directions, gamma, clock, specular, .. } = space;
+            let met = Met { hits, directions };
+            self.sum_faces(&self.sphere, means, key, met, gamma, (clock, specular), |face| reflected[face], &mut lit);
             self.area(&receiver, key, space, in_direction, &mut lit);
         }
         self.direct(&Point::on_hair(sample), space, in_direction, &mut lit);
@@ -218,9 +241,16 @@ impl<'s> Lighting<'s> {
             }
             space.clock.lambda += begin.elapsed();
             let reflect = |face: usize| lambert.evaluate(self.cosines[face]);
-            let Workspace { means, hits, gamma, clock, .. } = space;
-            self.sum_faces(&self.hemisphere, means, key, hits, gamma, clock, reflect, &mut lit);
+            let Workspace { means, hits, directions, gamma, clock, specular, .. } = space;
+            let met = Met { hits, directions };
+            self.sum_faces(&self.hemisphere, means, key, met, gamma, (clock, specular), reflect, &mut lit);
             self.area(&receiver, key, space, cosine, &mut lit);
+            if self.effects.caustics {
+                // Hair has taken its part of these photons on their way.
+                let thrown = lambert.evaluate(1.0) * self.light.caustic_irradiance(point);
+                lit.environment += thrown;
+                lit.unoccluded += thrown;
+            }
         }
         self.direct(&Point::on_surface(receiver.position), space, cosine, &mut lit);
         lit
@@ -330,9 +360,9 @@ impl<'s> Lighting<'s> {
         igloo: &Igloo,
         means: &[Vec3],
         key: u32,
-        hits: &[Option<SurfacePoint>],
+        met: Met<'_>,
         gamma: &[f32],
-        clock: &mut Clock,
+        (clock, specular): (&mut Clock, &mut Reflections),
         reflect: impl Fn(usize) -> Vec3,
         lit: &mut Lit,
     ) {
@@ -342,7 +372,7 @@ impl<'s> Lighting<'s> {
         for face in 0..igloo.len() {
             let free = reflect(face) * solid_angle;
             let weight = free * gamma[face];
-            let radiance = match hits.get(face).and_then(Option::as_ref) {
+            let radiance = match met.hits.get(face).and_then(Option::as_ref) {
                 None => means[face],
                 Some(_) if !self.effects.reflection => continue,
                 Some(hit) => {
@@ -350,7 +380,15 @@ impl<'s> Lighting<'s> {
                     if wanted.max_element() < WORTH_A_LOOK {
                         continue;
                     }
-                    self.light.reflected(hit, hash(&[MET, key, face as u32]), &hair)
+                    let key = hash(&[MET, key, face as u32]);
+                    if hit.optics.is_some() {
+                        let seen = self.light.seen_in(hit, met.directions[face], self.specular_depth, key, &hair);
+                        let weight = f64::from(weight.element_sum());
+                        specular.add(&Reflections { rays: weight, cut: weight * f64::from(seen.cut) });
+                        seen.radiance
+                    } else {
+                        self.light.reflected(hit, key, &hair)
+                    }
                 }
             };
             lit.environment += weight * radiance;
@@ -372,7 +410,7 @@ impl<'s> Lighting<'s> {
         reflect: impl Fn(Vec3) -> Vec3,
         lit: &mut Lit,
     ) {
-        if !self.effects.area_lights && !self.effects.small_sources && !self.effects.photons {
+        if !(self.effects.area_lights || self.effects.small_sources || self.effects.photons || self.effects.caustics) {
             return;
         }
         let begin = Instant::now();
@@ -394,6 +432,9 @@ impl<'s> Lighting<'s> {
         self.light.area_light(receiver.position, self.area_samples, key, &mut add);
         self.light.source_light(self.source_samples, key, &mut add);
         self.light.hot_light(receiver.position, self.source_samples, key, &mut add);
+        if receiver.on.is_some() {
+            self.light.caustic_light(receiver.position, self.source_samples, key, &mut add);
+        }
         space.clock.lambda += begin.elapsed();
     }
 
@@ -445,11 +486,23 @@ impl<'s> Lighting<'s> {
             seed: description.sampling.seed,
         };
         let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
-        let map = self.light.photon_map(&settings, &hair, &|| progress.cancelled());
+        let cancelled = || progress.cancelled();
+        let map = self.effects.photons.then(|| self.light.photon_map(&settings, &hair, &cancelled)).flatten();
+        self.light.set_photons(map);
+        let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
+        let aimed = photon::CausticSettings {
+            photons: description.indirect.caustic_photons,
+            depth: self.specular_depth,
+            neighbours: description.indirect.neighbours,
+            seed: description.sampling.seed,
+        };
+        let hair_box = crate::hair::strands::bounds(&self.scene.hair.points);
+        let caustics = self.effects.caustics.then(|| self.light.caustic_map(&aimed, hair_box, &hair, &cancelled));
         if progress.cancelled() {
             return Err(RenderError::Cancelled);
         }
-        self.light.set_photons(map);
+        let caustics = caustics.flatten();
+        self.light.set_caustics(caustics);
         Ok(())
     }
 
@@ -459,6 +512,13 @@ impl<'s> Lighting<'s> {
             hair.transmittance(&self.scene.hair, &raytraced::Ray { origin, direction, far, on }, self.residual)
         })
     }
+}
+
+/// What the rays of a point's faces met, and their directions; both empty without surfaces.
+#[derive(Clone, Copy)]
+struct Met<'a> {
+    hits: &'a [Option<SurfacePoint>],
+    directions: &'a [Vec3],
 }
 
 /// The model of reflection that a hair object asks for.

@@ -14,6 +14,7 @@ mod passes;
 mod pipeline;
 pub mod progress;
 mod shadows;
+mod specular;
 pub mod statistics;
 mod tile;
 
