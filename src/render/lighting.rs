@@ -2,20 +2,22 @@
 //!
 //! The one place where Γ, Λ and F meet.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use glam::{Mat3, Vec3};
 
 use super::RenderError;
 use super::estimator::{self, Estimator};
+use super::photons;
 use super::progress::Progress;
 use super::shadows::{HairShadow, Made};
+pub use super::tally::{Clock, Reflections};
 use crate::effects::Effects;
 use crate::embree::Device;
 use crate::hair::{OnStrand, StrandSample};
 use crate::hash::{hash, to_unit};
 use crate::illumination::lights::Incident;
-use crate::illumination::{Environment, Illumination, photon};
+use crate::illumination::{Environment, Illumination};
 use crate::occlusion::{Crossings, HairRays, Igloo, Receiver, Span, frame_around, raytraced};
 use crate::scene::{HairShading, Scene, description};
 use crate::shading::{Faces, Fibre, KajiyaKayFibre, Lambert, Marschner, StrandPoint, marschner};
@@ -47,30 +49,6 @@ pub struct Lit {
     pub emission: Vec3,
     /// Mean of Γ̄ over the igloo.
     pub occlusion: f32,
-}
-
-/// Time of stage 2 by part.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Clock {
-    pub gamma: Duration,
-    pub lambda: Duration,
-    pub direct: Duration,
-}
-
-impl Clock {
-    /// Adds another clock's times.
-    pub fn add(&mut self, other: &Self) {
-        self.gamma += other.gamma;
-        self.lambda += other.lambda;
-        self.direct += other.direct;
-    }
-
-    /// Multiplies all times.
-    pub(super) fn scale(&mut self, factor: f64) {
-        for time in [&mut self.gamma, &mut self.lambda, &mut self.direct] {
-            *time = time.mul_f64(factor);
-        }
-    }
 }
 
 /// Everything that stage 2 needs of a scene.
@@ -120,23 +98,6 @@ pub struct Workspace {
     pub clock: Clock,
     /// What rays saw in mirrors and glass.
     pub specular: Reflections,
-}
-
-/// How much of what rays saw in mirrors and glass is missing.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Reflections {
-    /// Rays that met mirrors or glass, by their weights.
-    pub rays: f64,
-    /// Those of them that were still under way when they had met the most that they may.
-    pub cut: f64,
-}
-
-impl Reflections {
-    /// Adds others.
-    pub fn add(&mut self, other: &Self) {
-        self.rays += other.rays;
-        self.cut += other.cut;
-    }
 }
 
 impl<'s> Lighting<'s> {
@@ -478,32 +439,13 @@ impl<'s> Lighting<'s> {
     /// # Errors
     /// Cancelled work.
     pub fn trace_photons(&mut self, progress: &dyn Progress) -> Result<(), RenderError> {
-        let description = self.scene.description();
-        let settings = photon::Settings {
-            photons: description.indirect.photons,
-            max_bounces: description.indirect.max_bounces,
-            neighbours: description.indirect.neighbours,
-            seed: description.sampling.seed,
-        };
         let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
-        let cancelled = || progress.cancelled();
-        let map = self.effects.photons.then(|| self.light.photon_map(&settings, &hair, &cancelled)).flatten();
+        let map = photons::reflected(&self.light, self.scene, &self.effects, &hair, progress);
         self.light.set_photons(map);
         let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
-        let aimed = photon::CausticSettings {
-            photons: description.indirect.caustic_photons,
-            depth: self.specular_depth,
-            neighbours: description.indirect.neighbours,
-            seed: description.sampling.seed,
-        };
-        let hair_box = crate::hair::strands::bounds(&self.scene.hair.points);
-        let caustics = self.effects.caustics.then(|| self.light.caustic_map(&aimed, hair_box, &hair, &cancelled));
-        if progress.cancelled() {
-            return Err(RenderError::Cancelled);
-        }
-        let caustics = caustics.flatten();
+        let caustics = photons::caustics(&self.light, self.scene, &self.effects, &hair, progress);
         self.light.set_caustics(caustics);
-        Ok(())
+        if progress.cancelled() { Err(RenderError::Cancelled) } else { Ok(()) }
     }
 
     /// What hair leaves of the light along a ray.

@@ -609,7 +609,7 @@ pub enum Shadows {
     DeepMap,
     /// Of hair by a plain shadow map, for comparison: a pixel holds one depth, and each hair is in it with the chance of what it blocks there, so that a pixel is lit or dark. Right on average, but noisy. Else as `deep-map`.
     Map,
-    /// None: neither hair nor surfaces are in the way of its light, nor of what surfaces send on of it.
+    /// None: neither hair nor surfaces are in the way of its light, nor of what surfaces send on of it. Its photons, which bring light that is reflected more than once and caustics, are blocked as others are.
     None,
 }
 

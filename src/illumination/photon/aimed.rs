@@ -134,7 +134,7 @@ impl<'l> Aimed<'l> {
         let number = |purpose, axis| to_unit(hash(&[purpose, seed, index, axis]));
         let [place, way] = [PLACE, WAY].map(|purpose| [number(purpose, 0), number(purpose, 1)]);
         let mut emission = match lamp {
-            Lamp::Direct(index) => self.from_direct(&self.light.direct[index].light, &ball, way)?,
+            Lamp::Direct(index) => self.shine(&self.light.direct[index].light, &ball, way)?,
             Lamp::Area(index) => from_area(&self.light.area[index], &ball, place, way)?,
             Lamp::Spot(source) => {
                 let environment = &self.light.environment;
@@ -155,7 +155,7 @@ impl<'l> Aimed<'l> {
     }
 
     /// A photon with the power of all photons of its pair.
-    fn from_direct(&self, light: &DirectLight, ball: &Ball, way: [f32; 2]) -> Option<Emission> {
+    fn shine(&self, light: &DirectLight, ball: &Ball, way: [f32; 2]) -> Option<Emission> {
         match *light {
             DirectLight::Point { position, intensity } => {
                 let cone = Cone::toward(ball, position);
