@@ -61,6 +61,10 @@ pub struct Effects {
     pub reflection: bool,
     /// More than one reflection counts: a photon map.
     pub photons: bool,
+    /// Surfaces are mirrors or of glass.
+    pub specular: bool,
+    /// Light falls on them: photons aimed at them.
+    pub caustics: bool,
     /// Γ by projection: a tree over the segments.
     pub projected_occlusion: bool,
     /// Γ by rays.
@@ -105,6 +109,14 @@ impl Effects {
             && surfaces
             && (environment || area_lights || !scene.direct.is_empty())
             && scene.surfaces.reflects();
+        let specular = scene.surfaces.is_specular();
+        let caustics = specular
+            && description.indirect.mode != IndirectMode::None
+            && description.indirect.caustic_photons > 0
+            && (!scene.direct.is_empty()
+                || area_lights
+                || small_sources
+                || reflection && description.indirect.mode == IndirectMode::Photons);
         let incident = environment || area_lights || reflection;
         let mode = description.occlusion.mode;
         let occluded = hair && incident && mode != OcclusionMode::None;
@@ -128,6 +140,8 @@ impl Effects {
             hair_shadows_on_surfaces,
             reflection,
             photons: reflection && description.indirect.mode == IndirectMode::Photons,
+            specular,
+            caustics,
             projected_occlusion: occluded && mode != OcclusionMode::Raytraced,
             raytraced_occlusion,
             calibration,
@@ -135,6 +149,7 @@ impl Effects {
                 && (raytraced_occlusion
                     || calibration
                     || hair_shadows && shadowed_by(Shadows::Raytraced)
+                    || specular
                     || (reflection || area_lights || small_sources) && mode != OcclusionMode::None),
             kajiya_kay: shaded(|shading| matches!(shading, HairShading::KajiyaKay { .. })),
             highlight: shaded(
@@ -186,6 +201,8 @@ impl Effects {
             EffectName::HairShadowsOnSurfaces => &mut self.hair_shadows_on_surfaces,
             EffectName::LightReflectedBySurfaces => &mut self.reflection,
             EffectName::MoreThanOneReflection => &mut self.photons,
+            EffectName::MirrorsAndGlass => &mut self.specular,
+            EffectName::Caustics => &mut self.caustics,
             EffectName::HairOcclusionByProjection => &mut self.projected_occlusion,
             EffectName::HairOcclusionByRays => &mut self.raytraced_occlusion,
             EffectName::SettingsByAccuracy => &mut self.calibration,
@@ -237,6 +254,7 @@ impl EffectName {
                 Some("hair occlusion needs settings; occlusion.opening or occlusion.rays gives them")
             }
             Self::RaysThroughHair => Some("it is on where another effect needs it; leave that one out"),
+            Self::MirrorsAndGlass => Some("surface[].material says what a surface is of"),
             Self::KajiyaKay | Self::Marschner => Some("hair has to reflect in some way; hair[].shading says how"),
             _ => None,
         }
@@ -251,7 +269,7 @@ impl fmt::Display for EffectName {
 }
 
 /// Each effect with its name, why it is on, and what is missing where it is off.
-const REASONS: [(EffectName, &str, &str, &str); 24] = [
+const REASONS: [(EffectName, &str, &str, &str); 26] = [
     (EffectName::Hair, "hair", "the scene has hair", "the scene has no hair"),
     (EffectName::Surfaces, "surfaces", "the scene has surfaces", "the scene has no visible surface"),
     (EffectName::Environment, "environment", "the environment shines", "the environment is black"),
@@ -313,6 +331,18 @@ const REASONS: [(EffectName, &str, &str, &str); 24] = [
         "no lit surface reflects light, or indirect.mode is another",
     ),
     (
+        EffectName::MirrorsAndGlass,
+        "mirrors and glass",
+        "a surface has material = \"mirror\" or \"glass\"",
+        "no surface has a mirror or glass material",
+    ),
+    (
+        EffectName::Caustics,
+        "caustics",
+        "light falls on mirrors or glass",
+        "there is no mirror or glass, no light on it, or indirect.mode is none, or indirect.caustic_photons 0",
+    ),
+    (
         EffectName::HairOcclusionByProjection,
         "hair occlusion by projection",
         "occlusion.mode is igloo or auto and light arrives from all around",
@@ -333,7 +363,7 @@ const REASONS: [(EffectName, &str, &str, &str); 24] = [
     (
         EffectName::RaysThroughHair,
         "rays through hair",
-        "lights, reflecting surfaces, ray-traced occlusion or its accuracy need them",
+        "lights, reflecting surfaces, mirrors, ray-traced occlusion or its accuracy need them",
         "nothing needs them",
     ),
     (
@@ -385,6 +415,8 @@ mod tests {
             hair_shadows_on_surfaces: false,
             reflection: false,
             photons: false,
+            specular: false,
+            caustics: false,
             projected_occlusion: false,
             raytraced_occlusion: false,
             calibration: false,

@@ -62,6 +62,10 @@ works! {
     Reflections = "reflections",
     /// Photons that left the lights.
     Photons = "photons",
+    /// Photons that left the lights towards mirrors and glass.
+    CausticPhotons = "caustic_photons",
+    /// Ways from mirrors and glass on, of rays that met them.
+    SpecularWays = "specular_ways",
     /// Look-ups in the photon map.
     PhotonLookups = "photon_lookups",
     /// Shadows of hair found by rays, of lights that have them.

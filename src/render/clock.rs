@@ -23,6 +23,8 @@ pub enum Part {
     SmallSources,
     /// Light from hot spots of surfaces.
     HotSpots,
+    /// Light by way of mirrors and glass.
+    Caustics,
     /// Lights without extent, and the surfaces in their way.
     PointLights,
     SpotLights,
@@ -55,7 +57,7 @@ impl Clock {
     #[must_use]
     pub fn lambda(&self) -> Duration {
         let parts = [Part::Gather, Part::KajiyaKay, Part::Highlight, Part::Marschner, Part::Faces];
-        let more = [Part::Reflection, Part::AreaLights, Part::SmallSources, Part::HotSpots];
+        let more = [Part::Reflection, Part::AreaLights, Part::SmallSources, Part::HotSpots, Part::Caustics];
         parts.iter().chain(&more).map(|&part| self.of(part)).sum()
     }
 

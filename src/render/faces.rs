@@ -89,6 +89,8 @@ mod tests {
             finish: 0,
             albedo: Vec3::ONE,
             emission: Vec3::ZERO,
+            optics: None,
+            outside: true,
         }
     }
 

@@ -16,6 +16,7 @@ use super::costs::{Built, Ledger};
 use super::estimator::{self, Estimator};
 use super::faces::{self, Roulette};
 use super::progress::Progress;
+use super::reflections::Reflections;
 use super::shadows::{HairShadow, HairShadows, Made};
 use crate::effects::{ABSENT, Effects};
 use crate::embree::Device;
@@ -78,6 +79,8 @@ pub struct Lighting<'s> {
     /// The igloo of hair: two hemispheres, unturned.
     sphere: Igloo,
     centers: Vec<Vec3>,
+    /// Mirrors and glass that a ray meets at the most.
+    specular_depth: u32,
     /// The igloo of surfaces: one hemisphere around the normal.
     hemisphere: Igloo,
     /// Mean cosine over each of its faces.
@@ -104,6 +107,8 @@ pub struct Workspace {
     means_normal: Vec3,
     estimator: estimator::Space,
     pub clock: Clock,
+    /// What rays saw in mirrors and glass.
+    pub specular: Reflections,
 }
 
 impl<'s> Lighting<'s> {
@@ -165,6 +170,7 @@ impl<'s> Lighting<'s> {
             area_samples: (scene.description().sampling.area_light_samples as f32).sqrt().ceil() as u32,
             sphere,
             centers,
+            specular_depth: scene.description().indirect.specular_depth,
             hemisphere,
             cosines,
             fibres,
@@ -198,8 +204,10 @@ impl<'s> Lighting<'s> {
             fibre.reflect_faces(&point, &faces, &mut space.reflected);
             lap.ends(*part, &mut space.clock);
             let means = self.light.means();
-            let Workspace { reflected, hits, gamma, clock, light, .. } = space;
-            self.sum_faces(&self.sphere, means, key, hits, gamma, light, clock, |face| reflected[face], &mut lit);
+            let Workspace { reflected, hits, directions, gamma, clock, light, specular, .. } = space;
+            let met = Met { hits, directions };
+            let count = (clock, specular);
+            self.sum_faces(&self.sphere, means, key, met, gamma, light, count, |face| reflected[face], &mut lit);
             self.area(&receiver, key, space, in_direction, &mut lit);
         }
         self.direct(&Point::on_hair(sample), space, in_direction, &mut lit);
@@ -226,9 +234,18 @@ impl<'s> Lighting<'s> {
             }
             lap.ends(Part::Faces, &mut space.clock);
             let reflect = |face: usize| lambert.evaluate(self.cosines[face]);
-            let Workspace { means, hits, gamma, clock, light, .. } = space;
-            self.sum_faces(&self.hemisphere, means, key, hits, gamma, light, clock, reflect, &mut lit);
+            let Workspace { means, hits, directions, gamma, clock, light, specular, .. } = space;
+            let met = Met { hits, directions };
+            self.sum_faces(&self.hemisphere, means, key, met, gamma, light, (clock, specular), reflect, &mut lit);
             self.area(&receiver, key, space, cosine, &mut lit);
+            if self.effects.caustics {
+                // Hair has taken its part of these photons on their way.
+                let mut lap = Lap::start();
+                let thrown = lambert.evaluate(1.0) * self.light.caustic_irradiance(point);
+                lit.environment += thrown;
+                lit.unoccluded += thrown;
+                lap.ends(Part::Caustics, &mut space.clock);
+            }
         }
         self.direct(&Point::on_surface(receiver.position), space, cosine, &mut lit);
         lit
@@ -348,16 +365,17 @@ impl<'s> Lighting<'s> {
         igloo: &Igloo,
         means: &[Vec3],
         key: u32,
-        hits: &[Option<SurfacePoint>],
+        met: Met<'_>,
         gamma: &[f32],
         light: &mut Vec<Vec3>,
-        clock: &mut Clock,
+        (clock, specular): (&mut Clock, &mut Reflections),
         reflect: impl Fn(usize) -> Vec3,
         lit: &mut Lit,
     ) {
         let mut lap = Lap::start();
         let solid_angle = igloo.face_solid_angle();
         let free = |face: usize| reflect(face) * solid_angle;
+        let Met { hits, .. } = met;
         light.clear();
         if !hits.is_empty() {
             let beyond = |(mean, hit): (&Vec3, &Option<SurfacePoint>)| if hit.is_some() { Vec3::ZERO } else { *mean };
@@ -367,7 +385,7 @@ impl<'s> Lighting<'s> {
         if !ABSENT && self.effects.reflection {
             lap.ends(Part::Faces, clock);
             let chances = roulette.insert(Roulette::new(key, free, gamma));
-            self.light_surfaces(free, key, hits, gamma, chances, light);
+            self.light_surfaces(free, key, met, gamma, chances, light, specular);
             lap.ends(Part::Reflection, clock);
         }
         if self.effects.environment {
@@ -397,7 +415,8 @@ impl<'s> Lighting<'s> {
         reflect: impl Fn(Vec3) -> Vec3,
         lit: &mut Lit,
     ) {
-        if ABSENT || !self.effects.area_lights && !self.effects.small_sources && !self.effects.photons {
+        let Effects { area_lights, small_sources, photons, caustics, .. } = self.effects;
+        if ABSENT || !(area_lights || small_sources || photons || caustics) {
             return;
         }
         let mut lap = Lap::start();
@@ -418,19 +437,23 @@ impl<'s> Lighting<'s> {
             lit.environment += free * self.occluded(&along, chance);
             lit.unoccluded += free;
         };
-        if self.effects.area_lights {
+        if area_lights {
             self.light.area_light(receiver.position, self.area_samples, key, &mut add);
             tally::add(Work::AreaLight, samples.take());
             lap.ends(Part::AreaLights, &mut space.clock);
         }
-        if self.effects.small_sources {
+        if small_sources {
             self.light.source_light(self.source_samples, key, &mut add);
             tally::add(Work::SmallSources, samples.take());
             lap.ends(Part::SmallSources, &mut space.clock);
         }
-        if self.effects.photons {
+        if photons {
             self.light.hot_light(receiver.position, self.source_samples, key, &mut add);
             lap.ends(Part::HotSpots, &mut space.clock);
+        }
+        if caustics && receiver.on.is_some() {
+            self.light.caustic_light(receiver.position, self.source_samples, key, &mut add);
+            lap.ends(Part::Caustics, &mut space.clock);
         }
     }
 
@@ -455,6 +478,13 @@ impl<'s> Lighting<'s> {
             hair.transmittance(&self.scene.hair, &raytraced::Ray { origin, direction, far, on }, self.residual)
         })
     }
+}
+
+/// What the rays of a point's faces met, and their directions; both empty without surfaces.
+#[derive(Clone, Copy)]
+struct Met<'a> {
+    hits: &'a [Option<SurfacePoint>],
+    directions: &'a [Vec3],
 }
 
 /// Γ̄ of each face of a point's igloo.

@@ -14,10 +14,13 @@ mod mean;
 pub mod memory;
 pub mod output;
 mod passes;
+mod photons;
 mod pipeline;
 pub mod plan;
 pub mod progress;
+mod reflections;
 mod shadows;
+mod specular;
 pub mod statistics;
 mod tile;
 

@@ -61,6 +61,7 @@ impl Scene {
                     other => other,
                 }
             }
+            EffectName::Caustics => description.indirect.caustic_photons = 0,
             EffectName::Highlight => {
                 for object in &mut self.hair_objects {
                     if let HairShading::KajiyaKay { specular, .. } = &mut object.shading {

@@ -2,16 +2,18 @@
 
 use glam::{Mat3, Vec3};
 
-use super::{Lighting, MET};
+use super::{Lighting, MET, Met};
 use crate::hash::hash;
-use crate::illumination::{PhotonMap, photon};
+use crate::illumination::{Caustics, PhotonMap};
 use crate::render::RenderError;
 use crate::render::costs::Built;
+use crate::render::cpu;
 use crate::render::estimator::Estimator;
 use crate::render::faces::Roulette;
+use crate::render::photons;
 use crate::render::progress::Progress;
+use crate::render::reflections::Reflections;
 use crate::scene::description::EffectName;
-use crate::surface::SurfacePoint;
 
 impl Lighting<'_> {
     /// What the surfaces that the faces' rays met send back, where the roulette says so.
@@ -19,17 +21,26 @@ impl Lighting<'_> {
         &self,
         free: impl Fn(usize) -> Vec3,
         key: u32,
-        hits: &[Option<SurfacePoint>],
+        met: Met<'_>,
         gamma: &[f32],
         roulette: &Roulette,
         light: &mut [Vec3],
+        specular: &mut Reflections,
     ) {
         let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
-        for (face, hit) in hits.iter().enumerate() {
+        for (face, hit) in met.hits.iter().enumerate() {
             let Some(hit) = hit else { continue };
             let [occluded, unoccluded] = roulette.counts(face, free(face), gamma[face]);
             if occluded != 0.0 || self.effects.unoccluded_layer && unoccluded != 0.0 {
-                let sent = self.light.reflected(hit, hash(&[MET, key, face as u32]), &hair);
+                let key = hash(&[MET, key, face as u32]);
+                let sent = if hit.optics.is_some() {
+                    let seen = self.light.seen_in(hit, met.directions[face], self.specular_depth, key, &hair);
+                    let weight = f64::from((free(face) * gamma[face] * occluded).element_sum());
+                    specular.add(&Reflections { rays: weight, cut: weight * f64::from(seen.cut) });
+                    seen.radiance
+                } else {
+                    self.light.reflected(hit, key, &hair)
+                };
                 light[face] = if self.called_for.reflection { sent } else { Vec3::ZERO };
             }
         }
@@ -50,23 +61,29 @@ impl Lighting<'_> {
     /// # Errors
     /// Cancelled work.
     pub fn trace_photons(&mut self, progress: &dyn Progress) -> Result<(), RenderError> {
-        let description = self.scene.description();
-        let settings = photon::Settings {
-            photons: description.indirect.photons,
-            max_bounces: description.indirect.max_bounces,
-            neighbours: description.indirect.neighbours,
-            seed: description.sampling.seed,
-        };
         let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
-        let map = self.light.photon_map(&settings, &hair, &|| progress.cancelled());
+        let taken = |begun| cpu::process().saturating_sub(begun).as_secs_f64();
+        let begun = cpu::process();
+        let map = photons::reflected(&self.light, self.scene, &self.effects, &hair, progress);
         if progress.cancelled() {
             return Err(RenderError::Cancelled);
         }
         // Those that are only forced on light nothing.
         let kept = map.filter(|_| self.called_for.photons);
         let bytes = kept.as_ref().map_or(0, PhotonMap::bytes);
-        self.built.push(Built { effect: EffectName::MoreThanOneReflection, cpu_seconds: 0.0, bytes });
+        let reflected = Built { effect: EffectName::MoreThanOneReflection, cpu_seconds: taken(begun), bytes };
         self.light.set_photons(kept);
+        let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
+        let begun = cpu::process();
+        let caustics = photons::caustics(&self.light, self.scene, &self.effects, &hair, progress);
+        if progress.cancelled() {
+            return Err(RenderError::Cancelled);
+        }
+        let kept = caustics.filter(|_| self.called_for.caustics);
+        let bytes = kept.as_ref().map_or(0, Caustics::bytes);
+        let thrown = Built { effect: EffectName::Caustics, cpu_seconds: taken(begun), bytes };
+        self.light.set_caustics(kept);
+        self.built.extend([reflected, thrown]);
         Ok(())
     }
 
