@@ -8,6 +8,7 @@ use glam::{Mat3, Vec3};
 
 use super::RenderError;
 use super::estimator::{self, Estimator};
+use super::fibre::fibre;
 use super::progress::Progress;
 use super::shadows::{HairShadow, Made};
 use crate::effects::Effects;
@@ -17,8 +18,8 @@ use crate::hash::{hash, to_unit};
 use crate::illumination::lights::Incident;
 use crate::illumination::{Environment, Illumination, photon};
 use crate::occlusion::{Crossings, HairRays, Igloo, Receiver, Span, frame_around, raytraced};
-use crate::scene::{HairShading, Scene, description};
-use crate::shading::{Faces, Fibre, KajiyaKayFibre, Lambert, Marschner, StrandPoint, marschner};
+use crate::scene::Scene;
+use crate::shading::{Faces, Fibre, Lambert, StrandPoint};
 use crate::shadow::Point;
 use crate::surface::SurfacePoint;
 
@@ -191,9 +192,9 @@ impl<'s> Lighting<'s> {
             let means = self.light.means();
             let Workspace { reflected, hits, gamma, clock, .. } = space;
             self.sum_faces(&self.sphere, means, key, hits, gamma, clock, |face| reflected[face], &mut lit);
-            self.area(&receiver, key, space, in_direction, &mut lit);
+            self.area(&receiver, key, space, |_| receiver.position, in_direction, &mut lit);
         }
-        self.direct(&Point::on_hair(sample), space, in_direction, &mut lit);
+        self.direct(&Point::on_hair(sample), space, |_| sample.position, in_direction, &mut lit);
         lit
     }
 
@@ -206,6 +207,8 @@ impl<'s> Lighting<'s> {
             return lit;
         }
         let cosine = |direction: Vec3| lambert.evaluate(direction.dot(point.normal));
+        let surfaces = self.light.surfaces.as_ref();
+        let origin = |toward| surfaces.map_or(receiver.position, |surfaces| surfaces.toward_light(point, toward));
         if self.arrives() {
             self.look(&receiver, &self.hemisphere, key, space);
             self.occlude(&receiver, &self.hemisphere, key, space);
@@ -220,9 +223,9 @@ impl<'s> Lighting<'s> {
             let reflect = |face: usize| lambert.evaluate(self.cosines[face]);
             let Workspace { means, hits, gamma, clock, .. } = space;
             self.sum_faces(&self.hemisphere, means, key, hits, gamma, clock, reflect, &mut lit);
-            self.area(&receiver, key, space, cosine, &mut lit);
+            self.area(&receiver, key, space, origin, cosine, &mut lit);
         }
-        self.direct(&Point::on_surface(receiver.position), space, cosine, &mut lit);
+        self.direct(&Point::on_surface(receiver.position), space, origin, cosine, &mut lit);
         lit
     }
 
@@ -369,6 +372,7 @@ impl<'s> Lighting<'s> {
         receiver: &Receiver,
         key: u32,
         space: &mut Workspace,
+        origin: impl Fn(Vec3) -> Vec3,
         reflect: impl Fn(Vec3) -> Vec3,
         lit: &mut Lit,
     ) {
@@ -383,7 +387,7 @@ impl<'s> Lighting<'s> {
             let free = reflect(toward) * irradiance;
             // Golden steps through all samples: neighbours get numbers far apart.
             ray = ray.wrapping_add(GOLDEN);
-            if free == Vec3::ZERO || !self.light.sees(receiver.position, toward, distance) {
+            if free == Vec3::ZERO || !self.light.sees(origin(toward), toward, distance) {
                 return;
             }
             let chance = (f64::from(ray.wrapping_add(shift)) + 1.0) / 4_294_967_296.0;
@@ -408,7 +412,15 @@ impl<'s> Lighting<'s> {
     }
 
     /// Lights without extent: through surfaces by a ray each, through hair as each of them asks for.
-    fn direct(&self, point: &Point, space: &mut Workspace, reflect: impl Fn(Vec3) -> Vec3, lit: &mut Lit) {
+    /// Rays to them leave from `origin(direction)`.
+    fn direct(
+        &self,
+        point: &Point,
+        space: &mut Workspace,
+        origin: impl Fn(Vec3) -> Vec3,
+        reflect: impl Fn(Vec3) -> Vec3,
+        lit: &mut Lit,
+    ) {
         if !self.effects.direct_lights {
             return;
         }
@@ -417,7 +429,7 @@ impl<'s> Lighting<'s> {
         for (lamp, shadow) in self.light.direct.iter().zip(&self.shadows) {
             let Some(Incident { toward, distance, irradiance }) = lamp.light.incident(position) else { continue };
             let reflected = reflect(toward) * irradiance;
-            if reflected == Vec3::ZERO || lamp.blocked && !self.light.sees(position, toward, distance) {
+            if reflected == Vec3::ZERO || lamp.blocked && !self.light.sees(origin(toward), toward, distance) {
                 continue;
             }
             let on = point.hair.map(|(on, _)| on);
@@ -458,21 +470,6 @@ impl<'s> Lighting<'s> {
         self.hair_rays.as_ref().map_or(1.0, |hair| {
             hair.transmittance(&self.scene.hair, &raytraced::Ray { origin, direction, far, on }, self.residual)
         })
-    }
-}
-
-/// The model of reflection that a hair object asks for.
-fn fibre(shading: &HairShading, face_width: f32) -> Box<dyn Fibre> {
-    match *shading {
-        HairShading::KajiyaKay { specular, exponent } => Box::new(KajiyaKayFibre::new(specular, exponent, face_width)),
-        HairShading::Marschner { color_is, roughness: [longitudinal, azimuthal], tilt, ior } => {
-            let color_is = match color_is {
-                description::ColorIs::Strand => marschner::ColorIs::Strand,
-                description::ColorIs::DenseHair => marschner::ColorIs::DenseHair,
-            };
-            let parameters = marschner::Parameters { longitudinal, azimuthal, tilt, ior, color_is };
-            Box::new(Marschner::new(parameters, face_width))
-        }
     }
 }
 

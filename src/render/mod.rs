@@ -4,6 +4,7 @@ mod calibration;
 pub mod cpu;
 mod draw;
 mod estimator;
+mod fibre;
 pub mod film;
 mod inspect;
 mod lighting;
