@@ -126,6 +126,48 @@ fn compare(folder: &Path, name: &str, more: &str) -> (f64, f64) {
 }
 
 #[test]
+fn shadow_maps_are_counted_as_large_as_they_may_become() {
+    let folder = tempfile::tempdir().unwrap();
+    hair_file(&folder.path().join("h.hair"), 20_000, 11);
+    let lights = |resolution: &str| {
+        let lamp = |kind: &str, place: &str, shadows: &str| {
+            format!("[[light.{kind}]]\n{place}\nshadows = '{shadows}'\n{resolution}\n")
+        };
+        with_hair("file = 'h.hair'")
+            + &lamp("point", "position = [0, 3, 0]\nintensity = [9, 9, 9]", "deep-map")
+            + &lamp("point", "position = [0, 0.1, 0.2]\nintensity = [9, 9, 9]", "deep-map")
+            + &lamp("directional", "direction = [0, -1, 0.5]\nirradiance = [1, 1, 1]", "map")
+    };
+    fs::write(folder.path().join("chosen.toml"), lights("")).unwrap();
+    fs::write(folder.path().join("small.toml"), lights("map_resolution = 32\n")).unwrap();
+    // What does not fit is refused, though the maps might turn out smaller.
+    let (code, text) = tress(folder.path(), 4, "render chosen.toml -o a.exr --memory-limit 1GiB");
+    assert_eq!(code, Some(3), "{text}");
+    assert!(text.contains("most of it by the deep shadow map of light.point[1]: 512 MiB"), "{text}");
+    // A given resolution bounds a map by itself.
+    let (code, text) = tress(folder.path(), 4, "render small.toml -o a.exr --memory-limit 1GiB --threads 2");
+    assert_eq!(code, Some(0), "{text}");
+    for name in ["chosen.toml", "small.toml"] {
+        let document = scene::load(&folder.path().join(name), &[]).unwrap();
+        let parts = estimate(&document, Work::Render { window: None, threads: 2 }).parts;
+        let said = |what: &str| parts.iter().find(|part| part.what == what).map_or(0, |part| part.bytes);
+        let (said_bytes, taken) = compare(folder.path(), name, "--memory-limit none");
+        assert!(said_bytes > taken, "{name}: {said_bytes} said, {taken} taken");
+        let statistics: serde_json::Value =
+            serde_json::from_slice(&fs::read(folder.path().join("s.json")).unwrap()).unwrap();
+        let maps = statistics[0]["shadow_maps"].as_array().expect("maps");
+        assert_eq!(maps.len(), 3);
+        for map in maps {
+            let (light, bytes) = (map["light"].as_str().unwrap(), map["bytes"].as_u64().unwrap());
+            let most =
+                said(&format!("the deep shadow map of {light}")).max(said(&format!("the shadow map of {light}")));
+            eprintln!("{name}, {light}: {bytes} bytes of {most}");
+            assert!(0 < bytes && bytes <= most, "{name}, {light}: {bytes} of {most}");
+        }
+    }
+}
+
+#[test]
 fn the_estimate_is_near_what_is_taken() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: String| fs::write(folder.path().join(name), text).unwrap();

@@ -8,6 +8,11 @@ use crate::camera::Projection;
 use glam::{DVec2, DVec3};
 use std::ops::Range;
 
+/// From this on, half a width as a share of the depth, times the sine of the ribbon's angle from the axis, the ribbon's corners are projected one by one.
+const LEAN: f64 = 1.0 / 16.0;
+/// A corner's depth as a share of the middle line's, at least: one behind the eye has no image. What is cut off is far outside any picture.
+const NEAREST_CORNER: f64 = 1e-3;
+
 /// A hair segment in the image, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Footprint {
@@ -21,6 +26,8 @@ pub struct Footprint {
     pub width: [f64; 2],
     inverse_depth: [f64; 2],
     parameter: [f64; 2],
+    /// The corners of a ribbon that leans so much that its edges are not as far from its middle line in the image as its width says.
+    leaning: Option<[DVec2; 4]>,
     /// Bound on the rounding of positions computed from s.
     slack: f64,
 }
@@ -31,7 +38,7 @@ impl Footprint {
     ///
     /// The width in pixels is d f / z of Eq. 7 times √(1 + (h/f)²), where h is the distance of the segment's line from the image centre. This is
     /// exact for a narrow ribbon that faces the eye; without it hair that runs around the image centre is too thin by the cosine of its
-    /// angle from the axis.
+    /// angle from the axis. A ribbon wide beside its depth and far off the axis leans: one edge is nearer to the eye than the other, which may be behind it.
     pub fn new(segment: &HairSegment, projection: &Projection) -> Option<Self> {
         let [p, q] = segment.ends.map(|end| end.as_dvec3());
         if !(p.is_finite() && q.is_finite() && segment.widths.iter().all(|w| w.is_finite())) {
@@ -55,8 +62,13 @@ impl Footprint {
         let inverse_depth = [1.0 / p.z, 1.0 / q.z];
         let [d0, d1] = segment.widths.map(|w| f64::from(w).max(0.0));
         let width = [0, 1].map(|i| (d0 + parameter[i] * (d1 - d0)) * projection.focal * stretch * inverse_depth[i]);
+        let lean = width.map(|w| 0.5 * w * off_axis / (projection.focal.powi(2) + off_axis.powi(2)));
+        let leaning = (lean[0].abs().max(lean[1].abs()) > LEAN)
+            .then(|| leaning_corners([start, end], delta / length, width, lean, projection));
         let largest = start.abs().max(end.abs()).max_element() + width[0].max(width[1]);
-        Some(Self { start, delta, length, width, inverse_depth, parameter, slack: 64.0 * f64::EPSILON * largest })
+        let largest = leaning.iter().flatten().fold(largest, |largest, corner| largest.max(corner.abs().max_element()));
+        let slack = 64.0 * f64::EPSILON * largest;
+        Some(Self { start, delta, length, width, inverse_depth, parameter, leaning, slack })
     }
 
     /// Whether it is so wide that its two edges matter and not only its middle line. Below 1/√2 pixels length x width never exceeds the pixel,
@@ -112,13 +124,44 @@ impl Footprint {
         }
     }
 
+    /// The four corners of a leaning ribbon, in order around it; none where the width along the middle line says all.
+    pub fn leaning(&self) -> Option<[DVec2; 4]> {
+        self.leaning
+    }
+
     /// The four corners of the ribbon, in order around it.
     fn corners(&self) -> [DVec2; 4] {
+        if let Some(corners) = self.leaning {
+            return corners;
+        }
         let end = self.start + self.delta;
         let across = self.delta.perp() * (0.5 / self.length);
         let [a, b] = self.width.map(|width| across * width);
         [self.start + a, end + b, end - b, self.start - a]
     }
+}
+
+/// The corners of a ribbon that faces the eye, projected one by one: at half a width e beside the middle line, in the direction that
+/// makes the angle θ of that line's plane with the image's axis, depth is z - e sin θ. `lean` is e sin θ / z at both ends.
+fn leaning_corners(
+    ends: [DVec2; 2],
+    along: DVec2,
+    width: [f64; 2],
+    lean: [f64; 2],
+    projection: &Projection,
+) -> [DVec2; 4] {
+    let across = along.perp();
+    let corner = |i: usize, side: f64| {
+        let share = 1.0 - side * lean[i];
+        // As far across as leaves the corner before the eye.
+        let part = if share < NEAREST_CORNER { (1.0 - NEAREST_CORNER) / (1.0 - share) } else { 1.0 };
+        let share = share.max(NEAREST_CORNER);
+        let from_center = ends[i] - projection.center;
+        let off = from_center.dot(across);
+        let cosine2 = 1.0 / (1.0 + (off / projection.focal).powi(2));
+        projection.center + (from_center + across * (side * part * 0.5 * width[i] * cosine2)) / share
+    };
+    [corner(0, 1.0), corner(1, 1.0), corner(1, -1.0), corner(0, -1.0)]
 }
 
 /// The part of a segment behind the near plane, as parameters from its first to its second end.
@@ -220,5 +263,34 @@ mod tests {
             let width = edge.perp_dot(shape.delta).abs() / shape.length;
             assert!((shape.width_at(0.5) / width - 1.0).abs() < 1e-4, "{} {width}", shape.width_at(0.5));
         }
+    }
+
+    #[test]
+    fn a_ribbon_far_off_the_axis_covers_what_its_edges_enclose() {
+        // A strand wider than its depth that passes beside the eye, 88 degrees off the axis: its middle line's image is 3,500 pixels away, its width there
+        // nearly 10,000. It must not reach the image, whose corner is 45 degrees off; one that does reach it, to where its edge is.
+        for (height, depth, width) in [(0.389f32, 0.011f32, 0.03f32), (0.3, 0.2, 0.2), (-0.3, 0.2, 0.3)] {
+            let ends = [Vec3::new(-0.6, height, depth), Vec3::new(0.6, height, depth + 0.01)];
+            let shape = Footprint::new(
+                &HairSegment { ends, widths: [width; 2], index: 0 },
+                &Projection { near: 1e-5, ..PROJECTION },
+            )
+            .unwrap();
+            let corners = shape.leaning().expect("it leans");
+            let [a, b] = ends.map(|end| end.as_dvec3());
+            let across = (b - a).cross(a).normalize() * f64::from(0.5 * width);
+            for point in [a + across, a - across, b + across, b - across].into_iter().filter(|p| p.z > 1e-3) {
+                let pixel = PROJECTION.pixel(point);
+                let nearest = corners.map(|corner| corner.distance(pixel)).into_iter().fold(f64::INFINITY, f64::min);
+                assert!(nearest < 1e-9 * pixel.length(), "{point} at {pixel}: {corners:?}");
+            }
+            // In the image the way round turns to one side only.
+            let turns = [0, 1, 2, 3].map(|i| {
+                let [a, b, c] = [0, 1, 2].map(|k| corners[(i + k) % 4]);
+                (b - a).perp_dot(c - b)
+            });
+            assert!(turns.iter().all(|&turn| turn < 0.0), "{turns:?}");
+        }
+        assert!(footprint([-0.6, 0.3, 2.0], [0.6, 0.4, 3.0], [0.05; 2]).unwrap().leaning().is_none());
     }
 }

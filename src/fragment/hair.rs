@@ -133,10 +133,17 @@ fn ribbon_in_pixel(shape: &Footprint, pixel: DVec2) -> (f64, [f64; 2]) {
     let off_at = |v: DVec2| (origin + v).dot(across);
     let half_at = |v: DVec2| 0.5 * shape.width_at(s_at(v));
     let mut polygon = Polygon::square();
-    polygon.cut(s_at);
-    polygon.cut(|v| 1.0 - s_at(v));
-    polygon.cut(|v| half_at(v) - off_at(v));
-    polygon.cut(|v| half_at(v) + off_at(v));
+    if let Some(corners) = shape.leaning() {
+        for i in 0..4 {
+            let (from, edge) = (corners[i], corners[(i + 1) % 4] - corners[i]);
+            polygon.cut(|v| (pixel + v - from).perp_dot(edge));
+        }
+    } else {
+        polygon.cut(s_at);
+        polygon.cut(|v| 1.0 - s_at(v));
+        polygon.cut(|v| half_at(v) - off_at(v));
+        polygon.cut(|v| half_at(v) + off_at(v));
+    }
     let shares = polygon.corners().iter().map(|&v| s_at(v).clamp(0.0, 1.0));
     let range = shares.fold([1.0, 0.0], |[low, high]: [f64; 2], s| [low.min(s), high.max(s)]);
     (polygon.area(), range)
@@ -314,9 +321,10 @@ mod tests {
 
     #[test]
     fn a_wide_ribbon_fills_pixels() {
+        // From far away, where a ribbon's edges are as far from its middle line as its width says.
         let ribbon = flat([-3.0, 20.0], [100.0, 20.0], 10.0);
-        let projection = Projection { focal: 1.0, center: DVec2::new(0.0, 0.0), near: 1e-3 };
-        let ribbon = HairSegment { widths: [10.0 / 1f32.hypot(20.0); 2], ..ribbon };
+        let projection = Projection { focal: 1e6, center: DVec2::new(0.0, 0.0), near: 1e-3 };
+        let ribbon = HairSegment { ends: ribbon.ends.map(|end| end.with_z(1e6)), ..ribbon };
         let mut full = 0;
         scan_convert(&ribbon, &projection, &IMAGE, |_, y, f| {
             // Single precision makes it reach 1e-7 pixels into its neighbours.
@@ -361,8 +369,8 @@ mod tests {
 
     #[test]
     fn narrow_and_wide_hair_cover_their_whole_area() {
-        let projection = Projection { focal: 1.0, center: DVec2::new(30.0, 30.0), near: 1e-3 };
-        let ends = [Vec3::new(-9.3, -5.2, 1.0), Vec3::new(11.9, 16.0, 1.0)];
+        let projection = Projection { focal: 1e6, center: DVec2::new(30.0, 30.0), near: 1e-3 };
+        let ends = [Vec3::new(-9.3, -5.2, 1e6), Vec3::new(11.9, 16.0, 1e6)];
         for width in [0.01, 0.5, 0.6, 0.65, 0.9, 1.0, 2.3] {
             let segment = HairSegment { ends, widths: [width; 2], index: 0 };
             let shape = Footprint::new(&segment, &projection).unwrap();

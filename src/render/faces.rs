@@ -83,6 +83,7 @@ mod tests {
         SurfacePoint {
             distance: 1.0,
             position: Vec3::ZERO,
+            leaving: Vec3::ZERO,
             flat_normal: Vec3::Z,
             normal: Vec3::Z,
             triangle: 0,

@@ -208,9 +208,9 @@ impl<'s> Lighting<'s> {
             let met = Met { hits, directions };
             let count = (clock, specular);
             self.sum_faces(&self.sphere, means, key, met, gamma, light, count, |face| reflected[face], &mut lit);
-            self.area(&receiver, key, space, in_direction, &mut lit);
+            self.area(&receiver, key, space, |_| receiver.position, in_direction, &mut lit);
         }
-        self.direct(&Point::on_hair(sample), space, in_direction, &mut lit);
+        self.direct(&Point::on_hair(sample), space, |_| sample.position, in_direction, &mut lit);
         lit
     }
 
@@ -223,6 +223,8 @@ impl<'s> Lighting<'s> {
             return lit;
         }
         let cosine = |direction: Vec3| lambert.evaluate(direction.dot(point.normal));
+        let surfaces = self.light.surfaces.as_ref();
+        let origin = |toward| surfaces.map_or(receiver.position, |surfaces| surfaces.toward_light(point, toward));
         if self.arrives() {
             self.look(&receiver, &self.hemisphere, key, space);
             self.occlude(&receiver, &self.hemisphere, key, space);
@@ -237,7 +239,7 @@ impl<'s> Lighting<'s> {
             let Workspace { means, hits, directions, gamma, clock, light, specular, .. } = space;
             let met = Met { hits, directions };
             self.sum_faces(&self.hemisphere, means, key, met, gamma, light, (clock, specular), reflect, &mut lit);
-            self.area(&receiver, key, space, cosine, &mut lit);
+            self.area(&receiver, key, space, origin, cosine, &mut lit);
             if self.effects.caustics {
                 // Hair has taken its part of these photons on their way.
                 let mut lap = Lap::start();
@@ -247,7 +249,7 @@ impl<'s> Lighting<'s> {
                 lap.ends(Part::Caustics, &mut space.clock);
             }
         }
-        self.direct(&Point::on_surface(receiver.position), space, cosine, &mut lit);
+        self.direct(&Point::on_surface(receiver.position), space, origin, cosine, &mut lit);
         lit
     }
 
@@ -412,6 +414,7 @@ impl<'s> Lighting<'s> {
         receiver: &Receiver,
         key: u32,
         space: &mut Workspace,
+        origin: impl Fn(Vec3) -> Vec3,
         reflect: impl Fn(Vec3) -> Vec3,
         lit: &mut Lit,
     ) {
@@ -429,7 +432,7 @@ impl<'s> Lighting<'s> {
             let free = reflect(toward) * irradiance;
             // Golden steps through all samples: neighbours get numbers far apart.
             ray = ray.wrapping_add(GOLDEN);
-            if free == Vec3::ZERO || !self.light.sees(receiver.position, toward, distance) {
+            if free == Vec3::ZERO || !self.light.sees(origin(toward), toward, distance) {
                 return;
             }
             let chance = (f64::from(ray.wrapping_add(shift)) + 1.0) / 4_294_967_296.0;

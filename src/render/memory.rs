@@ -17,7 +17,10 @@ use crate::illumination::photon;
 use crate::image;
 use crate::occlusion::ClusterTree;
 use crate::scene::Document;
-use crate::scene::description::{self, EffectName, IndirectMode, OcclusionMode, Shadows, Surface, SurfaceMaterial};
+use crate::scene::description::{
+    self, Description, EffectName, IndirectMode, OcclusionMode, Shadows, Surface, SurfaceMaterial,
+};
+use crate::shadow::{self, deep};
 
 /// The program, its libraries and their buffers.
 const PROGRAM: u64 = 120 << 20;
@@ -258,6 +261,9 @@ impl Counts {
         if points > 0 && (occluded || raytraced_shadows || !self.surfaces.is_empty() && mode != OcclusionMode::None) {
             sum.add(format!("Embree's tree over {points} segments"), RAY_SEGMENT * points);
         }
+        if points > 0 {
+            add_maps(description, threads, &mut sum);
+        }
         for (what, triangles, _) in &self.surfaces {
             sum.add(&**what, TRIANGLE * triangles);
         }
@@ -295,6 +301,29 @@ impl Counts {
             }
         }
         sum
+    }
+}
+
+/// The shadow maps of lamps, each as large as it may become: how much hair a pixel of one holds is seen only when it is made. One is made at a time.
+fn add_maps(description: &Description, threads: usize, sum: &mut Estimate) {
+    let light = &description.light;
+    let point = light.point.iter().map(|l| (l.shadows, l.map_resolution, l.map_error)).enumerate();
+    let spot = light.spot.iter().map(|l| (l.shadows, l.map_resolution, l.map_error)).enumerate();
+    let sun = light.directional.iter().map(|l| (l.shadows, l.map_resolution, l.map_error)).enumerate();
+    let lamps = (point.map(|l| ("point", l))).chain(spot.map(|l| ("spot", l))).chain(sun.map(|l| ("directional", l)));
+    let mut made = false;
+    for (kind, (index, (shadows, resolution, error))) in lamps {
+        let settings = shadow::Settings { resolution, error: error as f32, ..shadow::Settings::default() };
+        let (what, bytes) = match shadows {
+            Shadows::DeepMap => ("deep shadow map", deep::bytes_at_most(&settings)),
+            Shadows::Map => ("shadow map", shadow::plain::bytes_at_most(&settings)),
+            Shadows::Raytraced | Shadows::None => continue,
+        };
+        sum.add(format!("the {what} of light.{kind}[{index}]"), bytes);
+        made = true;
+    }
+    if made {
+        sum.add("making shadow maps", deep::BYTES_A_THREAD * threads as u64);
     }
 }
 

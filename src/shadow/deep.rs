@@ -17,9 +17,22 @@ use crate::tally::{self, Work};
 /// Pixels along a tile's side.
 const TILE: u32 = 16;
 /// Bounds of a resolution that is chosen.
-const CHOSEN: [f64; 2] = [64.0, 1024.0];
+pub(super) const CHOSEN: [f64; 2] = [64.0, 1024.0];
 /// Pieces of hair that one thread holds at a time, where it can do with so few: 80 MB.
 const MOST_PIECES: usize = 4 << 20;
+
+/// Bytes that a map takes at most, of the six images that it may have, before any hair is seen: no more than its settings allow, nor than functions of so many
+/// pixels can. A function falls by 1 in all and one of its lines ends where it has fallen by about its error, so that it has some 2 / error nodes; twice
+/// that is counted.
+pub fn bytes_at_most(settings: &Settings) -> u64 {
+    let Some(resolution) = settings.resolution else { return settings.most_bytes as u64 };
+    let pixels = 6 * u64::from(resolution.clamp(1, 8192).next_multiple_of(TILE)).pow(2);
+    let nodes = (4.0 / f64::from(settings.error).max(1e-6)) as u64 + 8;
+    pixels.saturating_mul(nodes * size_of::<Node>() as u64 + 4).min(settings.most_bytes as u64)
+}
+
+/// Bytes that each thread takes while a map is made.
+pub const BYTES_A_THREAD: u64 = (MOST_PIECES * size_of::<Piece>()) as u64;
 
 /// What hair leaves of a lamp's light, everywhere.
 #[derive(Debug)]

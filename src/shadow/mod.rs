@@ -6,9 +6,9 @@
 
 mod cells;
 mod compress;
-mod deep;
+pub mod deep;
 mod filter;
-mod plain;
+pub mod plain;
 mod receiver;
 mod view;
 

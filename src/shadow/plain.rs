@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use super::cells::Source;
-use super::deep::first_resolution;
+use super::deep::{CHOSEN, first_resolution};
 use super::filter;
 use super::receiver::Point;
 use super::view::View;
@@ -29,6 +29,12 @@ pub struct ShadowMap {
     halvings: u32,
     /// By image, tile and pixel, each row by row; infinite where no hair is.
     depths: Vec<f32>,
+}
+
+/// Bytes that a map takes at most, of the six images that it may have, before any hair is seen.
+pub fn bytes_at_most(settings: &Settings) -> u64 {
+    let resolution = settings.resolution.map_or(CHOSEN[1] as u32, |resolution| resolution.clamp(1, 8192));
+    (6 * 4 * u64::from(resolution.next_multiple_of(TILE)).pow(2)).min(settings.most_bytes as u64)
 }
 
 impl ShadowMap {

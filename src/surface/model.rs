@@ -1,6 +1,6 @@
 //! All surfaces of a scene as one model in render space, and the rays that meet it.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::{Mesh, Optics};
 use crate::embree::{Device, Error, TriangleHit, TriangleScene};
@@ -126,6 +126,8 @@ pub struct Surfaces {
 pub struct SurfacePoint {
     pub distance: f32,
     pub position: Vec3,
+    /// Where rays leave from: the position, but clear of the triangle's edges, and off the surface.
+    pub leaving: Vec3,
     /// Unit normal of the triangle.
     pub flat_normal: Vec3,
     /// Unit normal for shading, interpolated where the surface is smooth.
@@ -145,15 +147,44 @@ pub struct SurfacePoint {
 impl SurfacePoint {
     /// An origin for rays that leave the surface.
     pub fn leaving(&self) -> Vec3 {
-        lifted(self.position, self.flat_normal)
+        self.leaving
     }
 }
 
-/// A point of a surface, moved off it on the side of its unit normal by the rounding error of its position (after Wächter and Binder 2019,
-/// "A Fast and Robust Method for Avoiding Self-Intersection").
-pub fn lifted(position: Vec3, normal: Vec3) -> Vec3 {
+/// How far points are moved off a surface: the rounding error of their position (after Wächter and Binder 2019, "A Fast and Robust Method for
+/// Avoiding Self-Intersection").
+fn lift(position: Vec3) -> f32 {
     let size = position.abs().max(Vec3::splat(1.0 / 64.0));
-    position + normal * (size * (32.0 * f32::EPSILON)).length()
+    (size * (32.0 * f32::EPSILON)).length()
+}
+
+/// A point of a surface, moved off it on the side of its unit normal by [`lift`].
+pub fn lifted(position: Vec3, normal: Vec3) -> Vec3 {
+    position + normal * lift(position)
+}
+
+/// How many lifts a point from which rays leave is away from its triangle's edges, at least, where the triangle is so large. At an edge another wall may
+/// begin: a point beside it by less than rounding is beyond that wall, and where the walls meet at an angle φ one that is lifted off the first is, from 1 / tan φ
+/// lifts on: 2 are enough for 27 degrees.
+const CLEAR: f32 = 2.0;
+
+/// A point of a triangle by its weights, moved towards the middle until it is [`CLEAR`] of the edges.
+fn clear_of_edges(position: Vec3, weights: [f32; 3], corners: [Vec3; 3], twice_area: f32) -> Vec3 {
+    let distance = CLEAR * lift(position);
+    let mut share = 0.0_f32;
+    for (i, weight) in weights.into_iter().enumerate() {
+        let edge = corners[(i + 1) % 3].distance(corners[(i + 2) % 3]);
+        // The weight at which the point is so far from this edge. In the middle it is a third.
+        let least = distance * edge / twice_area;
+        if weight < least {
+            share = share.max(((least - weight) / (1.0 / 3.0 - weight).max(f32::MIN_POSITIVE)).min(1.0));
+        }
+    }
+    if share == 0.0 {
+        return position;
+    }
+    let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+    position + (middle - position) * share
 }
 
 impl Surfaces {
@@ -171,6 +202,7 @@ impl Surfaces {
     fn point(&self, hit: &TriangleHit, direction: Vec3) -> SurfacePoint {
         let corners = self.scene.triangles()[hit.triangle as usize].map(|v| v as usize);
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
+        let places = corners.map(|v| self.scene.positions()[v]);
         let mix = |values: &[Vec3]| (0..3).map(|i| values[corners[i]] * weights[i]).sum::<Vec3>();
         let outside = hit.normal.dot(direction) <= 0.0;
         let side = if outside { 1.0 } else { -1.0 };
@@ -180,10 +212,13 @@ impl Surfaces {
         let normal = if smooth.dot(direction) < 0.0 { smooth } else { flat_normal };
         let finish = self.finish[hit.triangle as usize];
         let Finish { albedo, emission, optics } = self.finishes[finish as usize];
+        // From the corners, not along the ray: its error does not grow with the distance.
+        let position = mix(self.scene.positions());
+        let clear = clear_of_edges(position, weights, places, hit.normal.length());
         SurfacePoint {
             distance: hit.distance,
-            // From the corners, not along the ray: its error does not grow with the distance.
-            position: mix(self.scene.positions()),
+            position,
+            leaving: lifted(clear, flat_normal),
             flat_normal,
             normal,
             triangle: hit.triangle,
@@ -193,6 +228,34 @@ impl Surfaces {
             optics,
             outside,
         }
+    }
+
+    /// Where a ray towards a light leaves from a point: from the surface that its normals tell of, where the light is behind the triangle but before that.
+    ///
+    /// A facet of a rounded body that turns away from the light where the body does not would else shadow itself: all black beside its lit
+    /// neighbours. Each corner has a tangent plane by its normal; the point is moved to the mean of its feet on those that it lies below (Hanika 2021,
+    /// "Hacking the Shadow Terminator"), which is outside a rounded body by a fraction of its facets' sag. Where a body is hollow nothing is moved.
+    pub fn toward_light(&self, point: &SurfacePoint, toward: Vec3) -> Vec3 {
+        if toward.dot(point.flat_normal) >= 0.0 || toward.dot(point.normal) <= 0.0 {
+            return point.leaving;
+        }
+        let corners = self.scene.triangles()[point.triangle as usize].map(|v| v as usize);
+        // Products of four small sides would leave the normal numbers of f32.
+        let places = corners.map(|v| self.scene.positions()[v].as_dvec3());
+        let (here, flat) = (point.position.as_dvec3(), point.flat_normal.as_dvec3());
+        let normal = (places[1] - places[0]).cross(places[2] - places[0]);
+        let side = if normal.dot(flat) >= 0.0 { 1.0 } else { -1.0 };
+        let mut moved = DVec3::ZERO;
+        for i in 0..3 {
+            let [a, b] = [places[(i + 1) % 3], places[(i + 2) % 3]].map(|corner| corner - here);
+            let weight = (a.cross(b).dot(normal) / normal.length_squared()).clamp(0.0, 1.0);
+            let tangent = self.normals[corners[i]].as_dvec3().normalize_or_zero() * side;
+            moved -= tangent * ((here - places[i]).dot(tangent).min(0.0) * weight);
+        }
+        if !moved.is_finite() {
+            return point.leaving;
+        }
+        lifted((here + moved).as_vec3(), point.normal)
     }
 
     /// The corners of the smallest box around all surfaces; none where there are none.

@@ -259,6 +259,7 @@ fn the_caustic_on_the_floor_is_that_of_an_analytic_ball() {
                     let point = SurfacePoint {
                         distance: 1.0,
                         position,
+                        leaving: position,
                         flat_normal: normal,
                         normal,
                         triangle: 0,
@@ -335,6 +336,7 @@ fn light_from_a_plane_mirror_is_that_of_the_mirrored_lamp_also_in_the_air() {
         let point = SurfacePoint {
             distance: 1.0,
             position,
+            leaving: position,
             flat_normal: normal,
             normal,
             triangle: 0,

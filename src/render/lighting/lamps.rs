@@ -13,7 +13,15 @@ use crate::tally::{self, Work};
 
 impl Lighting<'_> {
     /// Lights without extent: through surfaces by a ray each, through hair as each of them asks for.
-    pub(super) fn direct(&self, point: &Point, space: &mut Workspace, reflect: impl Fn(Vec3) -> Vec3, lit: &mut Lit) {
+    /// Rays to them leave from `origin(direction)`.
+    pub(super) fn direct(
+        &self,
+        point: &Point,
+        space: &mut Workspace,
+        origin: impl Fn(Vec3) -> Vec3,
+        reflect: impl Fn(Vec3) -> Vec3,
+        lit: &mut Lit,
+    ) {
         if ABSENT || !self.effects.lamps() {
             return;
         }
@@ -29,7 +37,8 @@ impl Lighting<'_> {
             let seen = lamp.light.incident(position).and_then(|incident| {
                 let Incident { toward, distance, irradiance } = incident;
                 let reflected = reflect(toward) * irradiance;
-                let hidden = reflected == Vec3::ZERO || lamp.blocked && !self.light.sees(position, toward, distance);
+                let hidden =
+                    reflected == Vec3::ZERO || lamp.blocked && !self.light.sees(origin(toward), toward, distance);
                 (!hidden).then_some((toward, distance, reflected))
             });
             lap.ends(part, &mut space.clock);

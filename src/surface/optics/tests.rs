@@ -13,6 +13,7 @@ fn point(normal: DVec3, flat: DVec3, outside: bool) -> SurfacePoint {
     SurfacePoint {
         distance: 1.0,
         position: Vec3::ZERO,
+        leaving: Vec3::ZERO,
         flat_normal: flat.as_vec3(),
         normal: normal.as_vec3(),
         triangle: 0,
