@@ -38,6 +38,10 @@ pub struct Effects {
     pub reflection: bool,
     /// More than one reflection counts: a photon map.
     pub photons: bool,
+    /// Surfaces are mirrors or of glass.
+    pub specular: bool,
+    /// Light falls on them: photons aimed at them.
+    pub caustics: bool,
     /// Γ by projection: a tree over the segments.
     pub projected_occlusion: bool,
     /// Γ by rays.
@@ -72,6 +76,14 @@ impl Effects {
             && surfaces
             && (environment || area_lights || direct_lights)
             && scene.surfaces.reflects();
+        let specular = scene.surfaces.is_specular();
+        let caustics = specular
+            && description.indirect.mode != IndirectMode::None
+            && description.indirect.caustic_photons > 0
+            && (direct_lights
+                || area_lights
+                || small_sources
+                || reflection && description.indirect.mode == IndirectMode::Photons);
         let incident = environment || area_lights || reflection;
         let mode = description.occlusion.mode;
         let occluded = hair && incident && mode != OcclusionMode::None;
@@ -91,6 +103,8 @@ impl Effects {
             shadow_maps: hair && shadowed_by(Shadows::Map),
             reflection,
             photons: reflection && description.indirect.mode == IndirectMode::Photons,
+            specular,
+            caustics,
             projected_occlusion: occluded && mode != OcclusionMode::Raytraced,
             raytraced_occlusion,
             calibration,
@@ -98,6 +112,7 @@ impl Effects {
                 && (raytraced_occlusion
                     || calibration
                     || raytraced_shadows
+                    || specular
                     || (reflection || area_lights || small_sources) && mode != OcclusionMode::None),
             kajiya_kay: shaded(|shading| matches!(shading, HairShading::KajiyaKay { .. })),
             highlight: shaded(
@@ -190,6 +205,23 @@ impl Effects {
                 "indirect.mode is photons and lit surfaces reflect light",
                 "no lit surface reflects light, or another indirect.mode",
             ),
+            say(
+                "mirrors and glass",
+                self.specular,
+                "a surface has material = \"mirror\" or \"glass\"",
+                "no surface has a mirror or glass material",
+            ),
+            can_go(
+                EffectName::Caustics,
+                "caustics",
+                self.caustics,
+                "light falls on mirrors or glass",
+                if self.specular {
+                    "no light falls on mirrors or glass, indirect.mode is none, or indirect.caustic_photons is 0"
+                } else {
+                    "no surface has a mirror or glass material"
+                },
+            ),
             can_go(
                 EffectName::HairOcclusion,
                 "hair occlusion by projection",
@@ -213,7 +245,7 @@ impl Effects {
             say(
                 "rays through hair",
                 self.hair_rays,
-                "lights, reflecting surfaces, ray-traced occlusion or its accuracy need them",
+                "lights, reflecting surfaces, mirrors, ray-traced occlusion or its accuracy need them",
                 "nothing needs them",
             ),
             say(
@@ -264,6 +296,8 @@ mod tests {
             shadow_maps: false,
             reflection: false,
             photons: false,
+            specular: false,
+            caustics: false,
             projected_occlusion: false,
             raytraced_occlusion: false,
             calibration: false,

@@ -40,6 +40,13 @@ pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf], effects: bool)
             s.cpu_seconds.fragments, s.cpu_seconds.gamma, s.cpu_seconds.lambda, s.cpu_seconds.direct
         ),
     ]);
+    lines.extend(s.specular.filter(|cut| cut.seen.max(cut.caustics) >= 1e-4).map(|cut| {
+        format!(
+            "mirrors and glass: {:.2} % of what rays see there and {:.2} % of the caustics' light are missing: indirect.specular_depth cuts their ways",
+            100.0 * cut.seen,
+            100.0 * cut.caustics
+        )
+    }));
     lines.extend(s.claim.iter().map(|claim| claimed(claim, s.passes)));
     if s.non_finite > 0 {
         lines.push(format!(

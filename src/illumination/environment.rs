@@ -85,6 +85,14 @@ impl Environment {
         }
     }
 
+    /// The same with the small bright sources left out.
+    pub fn radiance_of_rest(&self, direction: Vec3) -> Vec3 {
+        match &self.sources {
+            Some(sources) => sources.rest.lookup(self.to_map * direction),
+            None => self.radiance(direction),
+        }
+    }
+
     /// The small bright sources, which are not in the averages.
     pub fn sources(&self) -> Option<&Sources> {
         self.sources.as_deref()

@@ -9,8 +9,8 @@ use std::f32::consts::PI;
 use glam::Vec3;
 
 use super::guide::Guide;
-use super::photon::{self, Emitter};
-use super::{Environment, Lamp, PhotonMap, RectLight, lights::Incident, sources};
+use super::photon::{self, Aimed, Emitter, HotSpots};
+use super::{Caustics, Environment, Lamp, PhotonMap, RectLight, lights::Incident, sources};
 use crate::hash::{hash, to_unit, unit};
 use crate::igloo::{Igloo, Span};
 use crate::surface::{SurfacePoint, Surfaces};
@@ -44,6 +44,8 @@ pub struct Illumination {
     guide: Guide,
     /// Light that surfaces have reflected more than once; none where only one reflection counts.
     photons: Option<PhotonMap>,
+    /// Light that mirrors and glass throw on other things; none where there are no such surfaces.
+    caustics: Option<Caustics>,
 }
 
 impl Illumination {
@@ -64,7 +66,7 @@ impl Illumination {
             let means = environment.averages(&coarse);
             Guide::new(coarse, means)
         };
-        Self { environment, direct, area, surfaces, igloo, means, guide, photons: None }
+        Self { environment, direct, area, surfaces, igloo, means, guide, photons: None, caustics: None }
     }
 
     /// The first surfaces along rays of unit direction from one point: `take` gets the number of each ray, in order, and what it meets.
@@ -159,15 +161,71 @@ impl Illumination {
         self.photons.as_ref()
     }
 
+    /// Traces the photons of caustics, after those of [`Illumination::set_photons`], whose hot spots are lamps here. They are also counted inside the box
+    /// `hair_box` around all hair. Nothing where no such light arrives anywhere.
+    pub fn caustic_map(
+        &self,
+        settings: &photon::CausticSettings,
+        hair_box: Option<[Vec3; 2]>,
+        hair: &(impl Fn(Vec3, Vec3, f32) -> f32 + Sync),
+        cancelled: &(impl Fn() -> bool + Sync),
+    ) -> Option<Caustics> {
+        let (surfaces, emitter) = (self.surfaces.as_ref()?, Aimed::new(self)?);
+        Caustics::trace(&emitter, surfaces, settings, hair_box, hair, cancelled)
+    }
+
+    /// With a map [`Illumination::caustic_irradiance`] and [`Illumination::caustic_light`] find light.
+    pub fn set_caustics(&mut self, caustics: Option<Caustics>) {
+        self.caustics = caustics;
+    }
+
+    /// The caustics that are counted.
+    pub fn caustics(&self) -> Option<&Caustics> {
+        self.caustics.as_ref()
+    }
+
+    /// Irradiance on a surface from lamps, small bright sources and hot spots by way of mirrors and glass.
+    pub fn caustic_irradiance(&self, point: &SurfacePoint) -> Vec3 {
+        self.caustics.as_ref().map_or(Vec3::ZERO, |caustics| caustics.irradiance(point.position, point.normal))
+    }
+
+    /// The same light at a point of hair, whether or not something is in its way from the last mirror or glass: `count` samples. Each
+    /// `Incident::irradiance` is its share; `key` names the random numbers.
+    pub fn caustic_light(&self, position: Vec3, count: u32, key: u32, take: impl FnMut(&Incident)) {
+        if let (Some(caustics), Some(surfaces)) = (&self.caustics, &self.surfaces) {
+            caustics.light(surfaces, position, count, key, take);
+        }
+    }
+
     /// Radiance that a surface sends back along the ray that met it: by the photons, or where they would blur it from lights
     /// without extent, one sample of each area light and of one small bright source, one ray to the environment, and the photons of reflected light. Emission is not in
-    /// it: area lights are sampled as lights; nor is what [`Illumination::hot_light`] brings.
+    /// it: area lights are sampled as lights; nor is what [`Illumination::hot_light`] brings, by way of mirrors and glass as caustics.
     pub fn reflected(&self, point: &SurfacePoint, key: u32, hair: &impl Fn(Vec3, Vec3, f32) -> f32) -> Vec3 {
+        self.sent_back(point, key, hair, self.photons.as_ref().and_then(PhotonMap::hot_spots))
+    }
+
+    /// The same as a mirror or glass shows it: with all of a hot spot's light where no caustics bring it.
+    pub(super) fn reflected_in_mirror(
+        &self,
+        point: &SurfacePoint,
+        key: u32,
+        hair: &impl Fn(Vec3, Vec3, f32) -> f32,
+    ) -> Vec3 {
+        let hot = self.photons.as_ref().and_then(PhotonMap::hot_spots);
+        self.sent_back(point, key, hair, hot.filter(|_| self.caustics.is_some()))
+    }
+
+    fn sent_back(
+        &self,
+        point: &SurfacePoint,
+        key: u32,
+        hair: &impl Fn(Vec3, Vec3, f32) -> f32,
+        hot: Option<&HotSpots>,
+    ) -> Vec3 {
         if point.albedo == Vec3::ZERO {
             return Vec3::ZERO;
         }
         let known = self.photons.as_ref().and_then(|photons| photons.irradiance(point.position, point.normal));
-        let hot = self.photons.as_ref().and_then(PhotonMap::hot_spots);
         let below = hot.zip(known).map_or(1.0, |(hot, known)| hot.below(point.albedo, known.total));
         if let Some(known) = known.filter(|known| known.radius < BLUR * point.distance) {
             return point.albedo * known.total * (below / PI);
@@ -187,7 +245,8 @@ impl Illumination {
         self.area_light(origin, 1, key, |incident| add(incident, true));
         self.one_source(point.normal, key).iter().for_each(|incident| add(incident, true));
         irradiance += self.sky_sample(point, origin, key, hair);
-        irradiance += known.map_or(Vec3::ZERO, |known| known.indirect);
+        // The photons of reflected light are of caustics, too.
+        irradiance += known.map_or_else(|| self.caustic_irradiance(point), |known| known.indirect);
         point.albedo * irradiance * (below / PI)
     }
 

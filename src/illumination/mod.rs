@@ -8,10 +8,11 @@ pub mod lights;
 pub mod map;
 pub mod photon;
 pub mod sources;
+pub mod specular;
 
 pub use environment::{Environment, Radiance};
 pub use gather::Illumination;
 pub use lights::{DirectLight, Lamp, RectLight};
 pub use map::{Map, Mapping};
-pub use photon::PhotonMap;
+pub use photon::{Caustics, PhotonMap};
 pub use sources::Sources;

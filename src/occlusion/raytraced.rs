@@ -50,6 +50,17 @@ pub struct Ray {
     pub on: Option<OnStrand>,
 }
 
+/// Where a ray crosses hair.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Met {
+    pub segment: u32,
+    /// Where along the segment, between 0 and 1.
+    pub u: f32,
+    pub distance: f32,
+    /// The share of the light that it takes.
+    pub opacity: f32,
+}
+
 /// When a ray ends in the hair, and what it is worth then.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Crossings {
@@ -194,6 +205,17 @@ impl HairRays {
             if depth > limit { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
         (!ended).then_some(depth)
+    }
+
+    /// Every crossing of hair along a ray, front to back.
+    pub fn along(&self, ray: &Ray, met: &mut Vec<Met>) {
+        met.clear();
+        self.scene.crossings(ray.origin, ray.direction, 0.0, ray.far, |crossing| {
+            let Crossing { segment, u, distance } = crossing;
+            met.push(Met { segment, u, distance, opacity: 1.0 - left(self.depth(segment)) });
+            ControlFlow::Continue(())
+        });
+        met.sort_unstable_by(|a, b| a.distance.total_cmp(&b.distance).then(a.segment.cmp(&b.segment)));
     }
 
     /// Distance, in render space, of the first crossing that counts along a ray; none where no hair is met before `ray.far`.

@@ -2,20 +2,22 @@
 //!
 //! The one place where Γ, Λ and F meet.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use glam::{Mat3, Vec3};
 
 use super::RenderError;
 use super::estimator::{self, Estimator};
+use super::photons;
 use super::progress::Progress;
 use super::shadows::{HairShadow, Made};
+pub use super::tally::{Clock, Reflections};
 use crate::effects::Effects;
 use crate::embree::Device;
 use crate::hair::{OnStrand, StrandSample};
 use crate::hash::{hash, to_unit};
 use crate::illumination::lights::Incident;
-use crate::illumination::{Environment, Illumination, photon};
+use crate::illumination::{Environment, Illumination};
 use crate::occlusion::{Crossings, HairRays, Igloo, Receiver, Span, frame_around, raytraced};
 use crate::scene::{HairShading, Scene, description};
 use crate::shading::{Faces, Fibre, KajiyaKayFibre, Lambert, Marschner, StrandPoint, marschner};
@@ -49,30 +51,6 @@ pub struct Lit {
     pub occlusion: f32,
 }
 
-/// Time of stage 2 by part.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Clock {
-    pub gamma: Duration,
-    pub lambda: Duration,
-    pub direct: Duration,
-}
-
-impl Clock {
-    /// Adds another clock's times.
-    pub fn add(&mut self, other: &Self) {
-        self.gamma += other.gamma;
-        self.lambda += other.lambda;
-        self.direct += other.direct;
-    }
-
-    /// Multiplies all times.
-    pub(super) fn scale(&mut self, factor: f64) {
-        for time in [&mut self.gamma, &mut self.lambda, &mut self.direct] {
-            *time = time.mul_f64(factor);
-        }
-    }
-}
-
 /// Everything that stage 2 needs of a scene.
 #[derive(Debug)]
 pub struct Lighting<'s> {
@@ -94,6 +72,8 @@ pub struct Lighting<'s> {
     /// The igloo of hair: two hemispheres, unturned.
     sphere: Igloo,
     centers: Vec<Vec3>,
+    /// Mirrors and glass that a ray meets at the most.
+    specular_depth: u32,
     /// The igloo of surfaces: one hemisphere around the normal.
     hemisphere: Igloo,
     /// Mean cosine over each of its faces.
@@ -116,6 +96,8 @@ pub struct Workspace {
     means_normal: Vec3,
     estimator: estimator::Space,
     pub clock: Clock,
+    /// What rays saw in mirrors and glass.
+    pub specular: Reflections,
 }
 
 impl<'s> Lighting<'s> {
@@ -157,6 +139,7 @@ impl<'s> Lighting<'s> {
             area_samples: (scene.description().sampling.area_light_samples as f32).sqrt().ceil() as u32,
             sphere,
             centers,
+            specular_depth: scene.description().indirect.specular_depth,
             hemisphere,
             cosines,
             fibres,
@@ -189,8 +172,9 @@ impl<'s> Lighting<'s> {
             fibre.reflect_faces(&point, &faces, &mut space.reflected);
             space.clock.lambda += begin.elapsed();
             let means = self.light.means();
-            let Workspace { reflected, hits, gamma, clock, .. } = space;
-            self.sum_faces(&self.sphere, means, key, hits, gamma, clock, |face| reflected[face], &mut lit);
+            let Workspace { reflected, hits, directions, gamma, clock, specular, .. } = space;
+            let met = Met { hits, directions };
+            self.sum_faces(&self.sphere, means, key, met, gamma, (clock, specular), |face| reflected[face], &mut lit);
             self.area(&receiver, key, space, in_direction, &mut lit);
         }
         self.direct(&Point::on_hair(sample), space, in_direction, &mut lit);
@@ -218,9 +202,16 @@ impl<'s> Lighting<'s> {
             }
             space.clock.lambda += begin.elapsed();
             let reflect = |face: usize| lambert.evaluate(self.cosines[face]);
-            let Workspace { means, hits, gamma, clock, .. } = space;
-            self.sum_faces(&self.hemisphere, means, key, hits, gamma, clock, reflect, &mut lit);
+            let Workspace { means, hits, directions, gamma, clock, specular, .. } = space;
+            let met = Met { hits, directions };
+            self.sum_faces(&self.hemisphere, means, key, met, gamma, (clock, specular), reflect, &mut lit);
             self.area(&receiver, key, space, cosine, &mut lit);
+            if self.effects.caustics {
+                // Hair has taken its part of these photons on their way.
+                let thrown = lambert.evaluate(1.0) * self.light.caustic_irradiance(point);
+                lit.environment += thrown;
+                lit.unoccluded += thrown;
+            }
         }
         self.direct(&Point::on_surface(receiver.position), space, cosine, &mut lit);
         lit
@@ -330,9 +321,9 @@ impl<'s> Lighting<'s> {
         igloo: &Igloo,
         means: &[Vec3],
         key: u32,
-        hits: &[Option<SurfacePoint>],
+        met: Met<'_>,
         gamma: &[f32],
-        clock: &mut Clock,
+        (clock, specular): (&mut Clock, &mut Reflections),
         reflect: impl Fn(usize) -> Vec3,
         lit: &mut Lit,
     ) {
@@ -342,7 +333,7 @@ impl<'s> Lighting<'s> {
         for face in 0..igloo.len() {
             let free = reflect(face) * solid_angle;
             let weight = free * gamma[face];
-            let radiance = match hits.get(face).and_then(Option::as_ref) {
+            let radiance = match met.hits.get(face).and_then(Option::as_ref) {
                 None => means[face],
                 Some(_) if !self.effects.reflection => continue,
                 Some(hit) => {
@@ -350,7 +341,15 @@ impl<'s> Lighting<'s> {
                     if wanted.max_element() < WORTH_A_LOOK {
                         continue;
                     }
-                    self.light.reflected(hit, hash(&[MET, key, face as u32]), &hair)
+                    let key = hash(&[MET, key, face as u32]);
+                    if hit.optics.is_some() {
+                        let seen = self.light.seen_in(hit, met.directions[face], self.specular_depth, key, &hair);
+                        let weight = f64::from(weight.element_sum());
+                        specular.add(&Reflections { rays: weight, cut: weight * f64::from(seen.cut) });
+                        seen.radiance
+                    } else {
+                        self.light.reflected(hit, key, &hair)
+                    }
                 }
             };
             lit.environment += weight * radiance;
@@ -372,7 +371,7 @@ impl<'s> Lighting<'s> {
         reflect: impl Fn(Vec3) -> Vec3,
         lit: &mut Lit,
     ) {
-        if !self.effects.area_lights && !self.effects.small_sources && !self.effects.photons {
+        if !(self.effects.area_lights || self.effects.small_sources || self.effects.photons || self.effects.caustics) {
             return;
         }
         let begin = Instant::now();
@@ -394,6 +393,9 @@ impl<'s> Lighting<'s> {
         self.light.area_light(receiver.position, self.area_samples, key, &mut add);
         self.light.source_light(self.source_samples, key, &mut add);
         self.light.hot_light(receiver.position, self.source_samples, key, &mut add);
+        if receiver.on.is_some() {
+            self.light.caustic_light(receiver.position, self.source_samples, key, &mut add);
+        }
         space.clock.lambda += begin.elapsed();
     }
 
@@ -437,20 +439,13 @@ impl<'s> Lighting<'s> {
     /// # Errors
     /// Cancelled work.
     pub fn trace_photons(&mut self, progress: &dyn Progress) -> Result<(), RenderError> {
-        let description = self.scene.description();
-        let settings = photon::Settings {
-            photons: description.indirect.photons,
-            max_bounces: description.indirect.max_bounces,
-            neighbours: description.indirect.neighbours,
-            seed: description.sampling.seed,
-        };
         let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
-        let map = self.light.photon_map(&settings, &hair, &|| progress.cancelled());
-        if progress.cancelled() {
-            return Err(RenderError::Cancelled);
-        }
+        let map = photons::reflected(&self.light, self.scene, &self.effects, &hair, progress);
         self.light.set_photons(map);
-        Ok(())
+        let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
+        let caustics = photons::caustics(&self.light, self.scene, &self.effects, &hair, progress);
+        self.light.set_caustics(caustics);
+        if progress.cancelled() { Err(RenderError::Cancelled) } else { Ok(()) }
     }
 
     /// What hair leaves of the light along a ray.
@@ -459,6 +454,13 @@ impl<'s> Lighting<'s> {
             hair.transmittance(&self.scene.hair, &raytraced::Ray { origin, direction, far, on }, self.residual)
         })
     }
+}
+
+/// What the rays of a point's faces met, and their directions; both empty without surfaces.
+#[derive(Clone, Copy)]
+struct Met<'a> {
+    hits: &'a [Option<SurfacePoint>],
+    directions: &'a [Vec3],
 }
 
 /// The model of reflection that a hair object asks for.

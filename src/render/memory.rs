@@ -17,7 +17,7 @@ use crate::illumination::photon;
 use crate::image;
 use crate::occlusion::ClusterTree;
 use crate::scene::Document;
-use crate::scene::description::{IndirectMode, OcclusionMode, Shadows, Surface};
+use crate::scene::description::{IndirectMode, OcclusionMode, Shadows, Surface, SurfaceMaterial};
 
 /// The program, its libraries and their buffers.
 const PROGRAM: u64 = 120 << 20;
@@ -41,6 +41,9 @@ const TEAPOT_TRIANGLES: u64 = 43_056;
 const PASS_PIXEL: u64 = 240;
 /// A photon that is kept, and its share of the trees over them while they are built.
 const PHOTON: u64 = 120;
+/// A way of such a photon through the box around the hair; and a point on it, with its share of the tree while it is built.
+const BEAM: u64 = 56;
+const MARK: u64 = 56;
 /// Surfaces of medium grey reflect a photon as often, on the average.
 const PHOTON_ARRIVALS: u64 = 3;
 /// Image tiles that a segment is listed in, two on the average, and their counters.
@@ -254,6 +257,16 @@ impl Counts {
             let photons = u64::from(description.indirect.photons);
             let kept = (PHOTON_ARRIVALS * photons).min(photon::MOST as u64);
             sum.add(format!("the map of {photons} photons"), PHOTON * kept);
+        }
+        let specular = |surface: &Surface| surface.visible && surface.material != SurfaceMaterial::Diffuse;
+        if description.surface.iter().any(specular) && description.indirect.mode != IndirectMode::None {
+            let photons = u64::from(description.indirect.caustic_photons);
+            let kept = photons.min(photon::MOST as u64);
+            let beams = if points > 0 { photons.min(photon::MOST_BEAMS as u64) } else { 0 };
+            sum.add(
+                format!("the map of {photons} photons of caustics"),
+                PHOTON * kept + BEAM * beams + MARK * (8 * beams).min(photon::MOST_BEAMS as u64),
+            );
         }
         let [width, height] = description.camera.resolution;
         let rect = window.unwrap_or(PixelRect::image([width, height]));

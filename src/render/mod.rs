@@ -11,10 +11,13 @@ mod mean;
 pub mod memory;
 pub mod output;
 mod passes;
+mod photons;
 mod pipeline;
 pub mod progress;
 mod shadows;
+mod specular;
 pub mod statistics;
+mod tally;
 mod tile;
 
 pub use calibration::{Found, Settled, settle};

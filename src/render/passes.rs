@@ -5,10 +5,10 @@ use rayon::prelude::*;
 use super::RenderError;
 use super::calibration::settle;
 use super::film::{Film, Pixel};
-use super::lighting::{Clock, Lighting};
+use super::lighting::{Clock, Lighting, Reflections};
 use super::pipeline::{Options, tiles};
 use super::progress::Progress;
-use super::statistics::{Statistics, Watch};
+use super::statistics::{SpecularCut, Statistics, Watch};
 use super::tile::{Frame, Tile, TileSpace};
 use crate::effects::Effects;
 use crate::fragment::{Bins, PixelRect, TileGrid};
@@ -70,7 +70,7 @@ impl<'s> Prepared<'s> {
         if effects.calibration {
             statistics.stage("calibrating", &watch);
         }
-        if effects.photons {
+        if effects.photons || effects.caustics {
             let watch = Watch::start();
             progress.stage("tracing photons", 0);
             lighting.trace_photons(progress)?;
@@ -128,16 +128,21 @@ impl<'s> Prepared<'s> {
                 tile
             })
             .collect();
-        let mut clock = Clock::default();
+        let (mut clock, mut specular) = (Clock::default(), Reflections::default());
         self.marked.clear();
         for (index, tile) in tiles.into_iter().enumerate() {
             let tile = tile.ok_or(RenderError::Cancelled)?;
             film.place(&self.grid.tile(index), &tile.pixels);
             film.place_cost(&self.grid.tile(index), &tile.costs);
             clock.add(&tile.clock);
+            specular.add(&tile.specular);
             count(&mut self.statistics, &mut self.marked, tile);
         }
         film.mend(&self.marked);
+        if self.lighting.effects().specular {
+            let caustics = self.lighting.illumination().caustics().map_or(0.0, |caustics| f64::from(caustics.cut));
+            self.statistics.specular = Some(SpecularCut { seen: specular.cut / specular.rays.max(1e-300), caustics });
+        }
         let parts = &mut self.statistics.cpu_seconds;
         parts.gamma += clock.gamma.as_secs_f64();
         parts.lambda += clock.lambda.as_secs_f64();

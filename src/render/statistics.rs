@@ -92,6 +92,15 @@ pub struct Claim {
     pub reached: bool,
 }
 
+/// What is lost because a ray or a photon meets no more than `indirect.specular_depth` mirrors and glass, as shares of all that meets such surfaces.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct SpecularCut {
+    /// Of what rays see there, by their weights.
+    pub seen: f64,
+    /// Of the power of caustics.
+    pub caustics: f64,
+}
+
 /// Statistics of a render.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Statistics {
@@ -121,6 +130,9 @@ pub struct Statistics {
     /// The shadow maps of lights that asked for them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub shadow_maps: Vec<Made>,
+    /// What of the light in mirrors and glass was cut off; none without such surfaces.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub specular: Option<SpecularCut>,
     /// Mean of the picture, linear Rec.709.
     pub mean: [f32; 3],
 }

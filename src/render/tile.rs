@@ -7,12 +7,14 @@ use glam::Vec3;
 use super::cpu;
 use super::estimator::transmittance_rule;
 use super::film::{EMPTY_DEPTH, Pixel};
-use super::lighting::{Lighting, Lit, Workspace};
+use super::lighting::{Lighting, Lit, Reflections, Workspace};
 use super::progress::Progress;
+use super::specular::{Found, SpecularPixel, Through};
 use super::statistics::NonFinite;
 use crate::camera::Camera;
 use crate::fragment::{
-    HairFragment, HairSegment, MIN_WEIGHT, PixelLayers, PixelRect, Rank, Shaded, SurfaceHit, SurfacePixel, scan_convert,
+    HairFragment, HairSegment, MIN_WEIGHT, NO_SURFACE, PixelLayers, PixelRect, Rank, Shaded, SurfaceHit, SurfacePixel,
+    scan_convert,
 };
 use crate::hair::StrandSample;
 use crate::hash::hash;
@@ -27,6 +29,7 @@ const SPACE: f32 = 2.0;
 /// Purposes of random numbers.
 const HAIR_POINT: u32 = 0x4841_4952;
 const SURFACE_POINT: u32 = 0x5355_5246;
+const SPECULAR: u32 = 0x5350_4543;
 
 /// What all tiles of a picture share.
 pub(super) struct Frame<'a> {
@@ -52,6 +55,9 @@ pub(super) struct TileSpace {
     pub(super) hair: Vec<HairFragment>,
     pub(super) surfaces: SurfacePixel,
     met: Vec<SurfacePoint>,
+    /// Directions of the rays that met these; only where there are mirrors or glass.
+    directions: Vec<Vec3>,
+    specular: SpecularPixel,
     pub(super) layers: PixelLayers,
     shaded: Vec<Shaded>,
     pub(super) points: Vec<Point>,
@@ -66,6 +72,19 @@ pub(super) struct Point {
     pub weight: f32,
     pub depth: f32,
     pub what: What,
+    /// How it is seen, where it is by way of mirrors or glass.
+    pub by_way: Option<ByWay>,
+}
+
+/// A point that the camera does not see itself.
+#[derive(Clone, Copy)]
+pub(super) struct ByWay {
+    /// What the light is multiplied by beside the weight.
+    pub tint: Vec3,
+    /// Unit direction from the point to the mirror or glass.
+    pub view: Vec3,
+    /// Number among such points of the pixel.
+    pub index: u32,
 }
 
 pub(super) enum What {
@@ -82,6 +101,8 @@ pub(super) struct Tile {
     pub surface_points: u64,
     pub fragment_time: Duration,
     pub clock: super::lighting::Clock,
+    /// What was seen in mirrors and glass.
+    pub specular: Reflections,
     pub non_finite: Vec<NonFinite>,
     /// CPU time of each pixel, in microseconds; empty unless wanted.
     pub costs: Vec<f32>,
@@ -136,6 +157,7 @@ impl<'a> Frame<'a> {
         tile.fragment_time = begin.elapsed();
         let mut times = vec![Duration::ZERO; if self.costs { tile.pixels.len() } else { 0 }];
         space.workspace.clock = super::lighting::Clock::default();
+        space.workspace.specular = Reflections::default();
         let mut lit = vec![Lit::default(); space.points.len()];
         space.order.clear();
         space
@@ -154,6 +176,7 @@ impl<'a> Frame<'a> {
             }
         }
         tile.clock = space.workspace.clock;
+        tile.specular.add(&space.workspace.specular);
         self.sum_up(rect, &space.points, &lit, &mut tile);
         tile.take_time(begin.elapsed(), cpu::thread().saturating_sub(cpu), &times, &space.fragments);
         Some(tile)
@@ -185,21 +208,29 @@ impl<'a> Frame<'a> {
             space.hair.clear();
             space.hair.extend(space.fragments[next..end].iter().map(|(_, fragment)| *fragment));
             next = end;
-            tile.pixels.push(self.collect_pixel(
-                index,
-                [rect.min[0] + index % width, rect.min[1] + index / width],
-                space,
-            ));
+            let place = [rect.min[0] + index % width, rect.min[1] + index / width];
+            let mut pixel = self.collect_pixel(index, place, space);
+            if self.lighting.effects().specular {
+                self.collect_by_way(index, place, space, &mut pixel);
+                tile.specular.add(&space.specular.seen);
+            }
+            tile.pixels.push(pixel);
         }
     }
 
     fn collect_pixel(&self, index: u32, pixel: [u32; 2], space: &mut TileSpace) -> Pixel {
-        let TileSpace { hair, surfaces, met, layers, shaded, points, .. } = space;
+        let TileSpace { hair, surfaces, met, directions, layers, shaded, points, .. } = space;
         surfaces.samples.clear();
         surfaces.groups.clear();
         if let Some(scene) = &self.lighting.illumination().surfaces {
             met.clear();
-            let hit = |origin, direction| self.camera_ray(scene, origin, direction, met);
+            directions.clear();
+            let specular = self.lighting.effects().specular;
+            let hit = |origin, direction| {
+                let hit = self.camera_ray(scene, origin, direction, met);
+                directions.extend(hit.is_some_and(|_| specular).then_some(direction));
+                hit
+            };
             surfaces.gather(self.camera(), pixel, self.per_side, self.seed, hit);
         }
         let transparency = |fragment: &HairFragment| self.transparency(fragment);
@@ -209,11 +240,17 @@ impl<'a> Frame<'a> {
             let fragment = &hair[chosen.fragment as usize];
             let sample = self.scene.hair.sample(fragment.segment as usize, fragment.u);
             let what = What::Hair { segment: fragment.segment, sample };
-            points.push(Point { pixel: index, weight: chosen.weight as f32, depth: fragment.depth, what });
+            points.push(Point {
+                pixel: index,
+                weight: chosen.weight as f32,
+                depth: fragment.depth,
+                what,
+                by_way: None,
+            });
         }
         for (group, &weight) in surfaces.groups.iter().zip(&layers.group_weights).filter(|(_, weight)| **weight > 0.0) {
             let what = What::Surface(met[group.hit.index as usize]);
-            points.push(Point { pixel: index, weight: weight as f32, depth: group.hit.depth, what });
+            points.push(Point { pixel: index, weight: weight as f32, depth: group.hit.depth, what, by_way: None });
         }
         let beauty = if self.background && layers.background() > 0.0 {
             let (_, direction) = self.camera().ray(f64::from(pixel[0]) + 0.5, f64::from(pixel[1]) + 0.5);
@@ -222,6 +259,42 @@ impl<'a> Frame<'a> {
             Vec3::ZERO
         };
         Pixel { alpha: layers.alpha as f32, beauty, ..Pixel::default() }
+    }
+
+    /// What the samples of a pixel see in mirrors and glass: points of their own, and the sky.
+    fn collect_by_way(&self, index: u32, [x, y]: [u32; 2], space: &mut TileSpace, pixel: &mut Pixel) {
+        let TileSpace { surfaces, met, directions, layers, points, specular, .. } = space;
+        specular.clear();
+        let hair = self.lighting.hair_rays().map(|rays| (rays, &self.scene.hair));
+        let depth = self.scene.description().indirect.specular_depth;
+        let through = Through { light: self.lighting.illumination(), hair, depth };
+        let groups = surfaces.samples.iter().map(|sample| sample.group).filter(|&group| group != NO_SURFACE);
+        for (sample, (group, (hit, direction))) in groups.zip(met.iter().zip(directions.iter())).enumerate() {
+            if hit.optics.is_some() {
+                let group = group as usize;
+                let weight = layers.group_weights[group] / f64::from(surfaces.groups[group].samples);
+                let key = hash(&[SPECULAR, self.seed, x, y, sample as u32]);
+                specular.follow(&through, hit, *direction, weight as f32, key);
+            }
+        }
+        let mut count = 0;
+        specular.choose(self.layers, hash(&[SPECULAR, self.seed, x, y]), |seen, color| {
+            let weight = color.element_sum() / 3.0;
+            let what = match seen.found {
+                Found::Surface(hit) => What::Surface(hit),
+                Found::Hair { segment, u } => {
+                    What::Hair { segment, sample: self.scene.hair.sample(segment as usize, u) }
+                }
+            };
+            if weight > 0.0 {
+                let by_way = Some(ByWay { tint: color / weight, view: seen.view, index: count });
+                points.push(Point { pixel: index, weight, depth: 0.0, what, by_way });
+                count += 1;
+            }
+        });
+        pixel.beauty += specular.sky;
+        pixel.environment += specular.sky;
+        pixel.unoccluded += specular.sky;
     }
 
     /// The first surface behind the near plane along a camera ray.
@@ -259,16 +332,19 @@ impl<'a> Frame<'a> {
     /// What names the random numbers of a point.
     pub fn key(&self, rect: &PixelRect, point: &Point) -> u32 {
         let [x, y] = point.place(rect);
-        match &point.what {
+        let key = match &point.what {
             What::Hair { segment, .. } => hash(&[HAIR_POINT, self.seed, x, y, *segment]),
             What::Surface(hit) => hash(&[SURFACE_POINT, self.seed, x, y, hit.triangle]),
-        }
+        };
+        // A mirror may show one triangle many times in a pixel.
+        point.by_way.map_or(key, |by_way| hash(&[SPECULAR, key, by_way.index]))
     }
 
     pub fn light(&self, rect: &PixelRect, point: &Point, space: &mut Workspace) -> Lit {
         let key = self.key(rect, point);
         let position = point.position();
-        let view = (self.camera().position().as_vec3() - position).normalize_or(Vec3::Z);
+        let straight = || (self.camera().position().as_vec3() - position).normalize_or(Vec3::Z);
+        let view = point.by_way.map_or_else(straight, |by_way| by_way.view);
         match &point.what {
             What::Hair { sample, .. } => self.lighting.hair(sample, self.object(sample), view, key, space),
             What::Surface(hit) => self.lighting.surface(hit, key, space),
@@ -293,6 +369,14 @@ impl<'a> Frame<'a> {
             }
             let pixel = &mut tile.pixels[point.pixel as usize];
             let weight = point.weight;
+            if let Some(ByWay { tint, .. }) = point.by_way {
+                pixel.direct += weight * tint * lit.direct;
+                pixel.environment += weight * tint * lit.environment;
+                pixel.unoccluded += weight * tint * lit.unoccluded;
+                pixel.beauty += weight * tint * (lit.direct + lit.environment + lit.emission);
+                // Alpha, depth and normal are of the mirror, which has a point of its own.
+                continue;
+            }
             seen[point.pixel as usize] += weight;
             pixel.direct += weight * lit.direct;
             pixel.environment += weight * lit.environment;

@@ -23,7 +23,7 @@ pub struct Description {
     pub camera: Camera,
     /// Hair objects, each loaded from a file or grown on a surface.
     pub hair: Vec<Hair>,
-    /// Opaque surfaces, each loaded from a file or given as a primitive.
+    /// Surfaces, each loaded from a file or given as a primitive.
     pub surface: Vec<Surface>,
     /// The light that arrives from infinitely far away.
     pub environment: Environment,
@@ -306,7 +306,7 @@ impl Default for Grow {
     }
 }
 
-/// One opaque surface. Exactly one of `file`, `sphere`, `plane` and `teapot` is needed.
+/// One surface: opaque, a mirror or of glass. Exactly one of `file`, `sphere`, `plane` and `teapot` is needed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Surface {
@@ -325,6 +325,17 @@ pub struct Surface {
     /// Diffuse reflectance, 0 to 1, linear Rec.709; replaces what the file says. 0.5 where nothing says.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub color: Option<Triple>,
+    /// What it is made of.
+    pub material: SurfaceMaterial,
+    /// For `mirror`: the share of the light that it reflects, 0 to 1, linear Rec.709.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
+    pub reflectance: Triple,
+    /// For `glass`: index of refraction, over that of what is around it.
+    #[schemars(range(min = 1.0, max = 4.0))]
+    pub ior: f64,
+    /// For `glass`: the share of the light that goes in and out again, beside what is reflected, 0 to 1, linear Rec.709. Each crossing takes its root.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
+    pub transmission: Triple,
     /// Whether normals are interpolated over the triangles (where the mesh has them; spheres and teapots do).
     pub smooth: bool,
     /// Whether it is in the picture and blocks light. A surface that is not serves only for hair to grow on.
@@ -341,10 +352,27 @@ impl Default for Surface {
             teapot: None,
             transform: Transform::default(),
             color: None,
+            material: SurfaceMaterial::Diffuse,
+            reflectance: [0.95; 3],
+            ior: 1.5,
+            transmission: [1.0; 3],
             smooth: true,
             visible: true,
         }
     }
+}
+
+/// What a surface is made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum SurfaceMaterial {
+    /// It reflects the same in all directions (Lambert).
+    #[default]
+    Diffuse,
+    /// It reflects in one direction. Hair and everything else is seen in it, and it throws caustics; to shadow rays it is opaque.
+    Mirror,
+    /// The border of a clear body: it reflects and refracts. The surface should be closed, its normals to the outside, and not overlap other glass. To shadow rays it is opaque: lamps shine through it as caustics.
+    Glass,
 }
 
 /// A sphere, tessellated finely enough that its outline strays from the circle by less than a thousandth of its radius.
@@ -581,7 +609,7 @@ pub enum Shadows {
     DeepMap,
     /// Of hair by a plain shadow map, for comparison: a pixel holds one depth, and each hair is in it with the chance of what it blocks there, so that a pixel is lit or dark. Right on average, but noisy. Else as `deep-map`.
     Map,
-    /// None: neither hair nor surfaces are in the way of its light, nor of what surfaces send on of it.
+    /// None: neither hair nor surfaces are in the way of its light, nor of what surfaces send on of it. Its photons, which bring light that is reflected more than once and caustics, are blocked as others are.
     None,
 }
 
@@ -752,6 +780,12 @@ pub struct Indirect {
     /// Reflections after which a photon's way ends; what would follow is lost.
     #[schemars(range(min = 1, max = 1000))]
     pub max_bounces: u32,
+    /// Photons that leave lamps (not the sky without its small bright sources) towards mirrors and glass, for the light that these throw on other things; 0: none is thrown. Without such surfaces, and where `mode` is `none`, there are none.
+    #[schemars(range(min = 0, max = 20000000))]
+    pub caustic_photons: u32,
+    /// Mirrors and glass that a ray, of the camera too, or a photon of a caustic meets one after the other at the most; what is beyond is lost. How much that is, a render tells.
+    #[schemars(range(min = 1, max = 1000))]
+    pub specular_depth: u32,
     /// Photons of an estimate: more make it smoother and less sharp.
     #[schemars(range(min = 8, max = 1000))]
     pub neighbours: u32,
@@ -759,7 +793,14 @@ pub struct Indirect {
 
 impl Default for Indirect {
     fn default() -> Self {
-        Self { mode: IndirectMode::Photons, photons: 200_000, max_bounces: 64, neighbours: 64 }
+        Self {
+            mode: IndirectMode::Photons,
+            photons: 200_000,
+            max_bounces: 64,
+            caustic_photons: 200_000,
+            specular_depth: 16,
+            neighbours: 64,
+        }
     }
 }
 
@@ -804,6 +845,8 @@ pub enum EffectName {
     LightReflectedBySurfaces,
     /// Light that surfaces reflect more than once; as `indirect.mode = "single-bounce"`.
     MoreThanOneReflection,
+    /// Light that mirrors and glass throw on other things; as `indirect.caustic_photons = 0`. They are still seen.
+    Caustics,
     /// Hair that blocks light from around; as `occlusion.mode = "none"`.
     HairOcclusion,
     /// Highlights of hair.

@@ -40,6 +40,7 @@ impl Scene {
                     description.indirect.mode = IndirectMode::SingleBounce;
                 }
             }
+            EffectName::Caustics => description.indirect.caustic_photons = 0,
             EffectName::HairOcclusion => description.occlusion.mode = OcclusionMode::None,
             EffectName::Highlight => {
                 for object in &mut self.hair_objects {

@@ -6,14 +6,14 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec3, Vec3};
 use thiserror::Error;
 
-use super::description::{self, Axis, Description, EnvironmentSources, Gradient, Shadows};
+use super::description::{self, Axis, Description, EnvironmentSources, Gradient, Shadows, SurfaceMaterial};
 use super::environment;
 use super::space::RenderSpace;
 use super::{Document, Place};
 use crate::camera::Camera;
 use crate::hair::{HairModel, Strands, formats, grow};
 use crate::illumination::{DirectLight, Lamp, Radiance, RectLight, Sources, environment::map_axes};
-use crate::surface::{Mesh, SurfaceModel, obj, primitives, teapot};
+use crate::surface::{Mesh, Optics, SurfaceModel, inspect::inspect, obj, primitives, teapot};
 use crate::transform;
 
 /// A scene, ready to be rendered. Lengths and positions are in render space.
@@ -117,7 +117,10 @@ impl Scene {
             if description.visible {
                 let mut mesh = loaded.mesh.clone();
                 transform::transform_mesh(&(space.from_scene() * loaded.map), &mut mesh);
-                surfaces.add(&mesh, description.smooth);
+                match optics(description) {
+                    None => surfaces.add(&mesh, description.smooth),
+                    Some(optics) => surfaces.add_optics(&mesh, description.smooth, optics),
+                }
             }
         }
         let (direct, shadows) = loader.lamps(&space)?;
@@ -250,6 +253,14 @@ impl Loader<'_> {
             }
         }
         mesh.validate().map_err(|e| self.error(&key, e))?;
+        if surface.material == SurfaceMaterial::Glass && surface.visible {
+            let open = inspect(&mesh).open_edges;
+            if open > 0 {
+                self.notes.push(format!(
+                    "{key}: it is of glass, but not closed ({open} open edges): light that goes in may not come out again; give a closed body"
+                ));
+            }
+        }
         Ok(LoadedMesh { mesh, map })
     }
 
@@ -474,6 +485,17 @@ impl Loader<'_> {
             Radiance::Uniform(vec3(environment.color.unwrap_or_default()) * scale)
         };
         Ok((radiance, sources, to_map))
+    }
+}
+
+/// What a surface that is not diffuse does with light.
+fn optics(surface: &description::Surface) -> Option<Optics> {
+    match surface.material {
+        SurfaceMaterial::Diffuse => None,
+        SurfaceMaterial::Mirror => Some(Optics::Mirror { reflectance: vec3(surface.reflectance) }),
+        SurfaceMaterial::Glass => {
+            Some(Optics::Glass { ior: surface.ior as f32, transmission: vec3(surface.transmission) })
+        }
     }
 }
 

@@ -236,6 +236,31 @@ fn all_faults_are_reported_in_order_and_their_number_is_capped() {
 }
 
 #[test]
+fn keys_of_other_materials_are_warned_of_and_values_have_bounds() {
+    let keys = [("color", "[1, 1, 1]"), ("reflectance", "[1, 1, 1]"), ("ior", "1.4"), ("transmission", "[1, 1, 1]")];
+    for (material, own) in
+        [("diffuse", &["color"][..]), ("mirror", &["reflectance"]), ("glass", &["ior", "transmission"])]
+    {
+        for (key, value) in keys {
+            let text = format!(
+                "[[surface]]\nsphere = {{}}\nmaterial = \"{material}\"\n{key} = {value}\n[environment]\ncolor = [1, 1, 1]"
+            );
+            let said = toml(&text).warnings.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
+            let expected = format!("surface[0].{key} has no effect on a surface with material = \"{material}\"");
+            assert_eq!(said.contains(&expected), !own.contains(&key), "{material}, {key}: {said}");
+        }
+    }
+    for (line, said) in [
+        ("material = \"glass\"\nior = 0.9", "surface[0].ior"),
+        ("reflectance = [1, 2, 1]", "surface[0].reflectance[1]"),
+        ("material = \"gold\"", "surface[0].material"),
+    ] {
+        let fault = fault(&format!("[[surface]]\nsphere = {{}}\n{line}"));
+        assert!(fault.contains(said), "{fault}");
+    }
+}
+
+#[test]
 fn keys_of_the_other_model_of_reflection_are_warned_of() {
     let warnings = |keys: &str| {
         let text = format!(

@@ -197,6 +197,7 @@ impl Validator<'_> {
                 let key = path.key("plane").key("normal");
                 self.error(&key, format!("{key} has length zero; give a direction such as [0, 1, 0]"));
             }
+            self.material(&path, surface.material);
             let Some(name) = surface.name.as_deref() else { continue };
             let key = path.key("name");
             if name.is_empty() {
@@ -205,6 +206,16 @@ impl Validator<'_> {
                 self.error(&key, format!("{key}: surface[{first}] is already called \"{}\"", clip(name)));
             }
         }
+    }
+
+    /// Keys of materials other than the surface's own.
+    fn material(&mut self, path: &KeyPath, material: SurfaceMaterial) {
+        let (others, name): (&[&str], _) = match material {
+            SurfaceMaterial::Diffuse => (&["reflectance", "ior", "transmission"], "diffuse"),
+            SurfaceMaterial::Mirror => (&["color", "ior", "transmission"], "mirror"),
+            SurfaceMaterial::Glass => (&["color", "reflectance"], "glass"),
+        };
+        self.no_effect(path, others, &format!("on a surface with material = \"{name}\""));
     }
 
     fn hair(&mut self) {

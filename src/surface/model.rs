@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::Mesh;
+use super::{Mesh, Optics};
 use crate::embree::{Device, Error, TriangleHit, TriangleScene};
 
 /// What a triangle is made of.
@@ -12,6 +12,8 @@ pub struct Finish {
     pub albedo: Vec3,
     /// Radiance that leaves the side of the triangle's winding, W/(m² sr); zero but for area lights.
     pub emission: Vec3,
+    /// Where light goes on from a surface that is not diffuse; its albedo is zero.
+    pub optics: Option<Optics>,
 }
 
 /// Surfaces of a whole scene.
@@ -32,9 +34,18 @@ impl SurfaceModel {
     /// Adds a mesh that reflects as its materials say. With `smooth` its normals are interpolated, where it has them.
     pub fn add(&mut self, mesh: &Mesh, smooth: bool) {
         let finishes = self.finishes.len() as u32;
-        self.finishes.extend(mesh.materials.iter().map(|m| Finish { albedo: m.diffuse, emission: Vec3::ZERO }));
+        let finish = |albedo| Finish { albedo, emission: Vec3::ZERO, optics: None };
+        self.finishes.extend(mesh.materials.iter().map(|m| finish(m.diffuse)));
         self.add_triangles(&mesh.positions, if smooth { &mesh.normals } else { &[] }, &mesh.triangles);
         self.finish.extend(mesh.material.iter().map(|&m| finishes + m));
+    }
+
+    /// Adds a mesh of mirror or glass, whatever its materials say.
+    pub fn add_optics(&mut self, mesh: &Mesh, smooth: bool, optics: Optics) {
+        let finish = self.finishes.len() as u32;
+        self.finishes.push(Finish { albedo: Vec3::ZERO, emission: Vec3::ZERO, optics: Some(optics) });
+        self.add_triangles(&mesh.positions, if smooth { &mesh.normals } else { &[] }, &mesh.triangles);
+        self.finish.extend(std::iter::repeat_n(finish, mesh.triangles.len()));
     }
 
     /// Adds a rectangle that shines from the side of `edge_u` x `edge_v` and reflects nothing.
@@ -43,7 +54,7 @@ impl SurfaceModel {
         self.add_triangles(&corners, &[], &[[0, 1, 2], [0, 2, 3]]);
         self.light_triangles += 2;
         self.finish.extend([self.finishes.len() as u32; 2]);
-        self.finishes.push(Finish { albedo: Vec3::ZERO, emission: radiance });
+        self.finishes.push(Finish { albedo: Vec3::ZERO, emission: radiance, optics: None });
     }
 
     fn add_triangles(&mut self, positions: &[Vec3], normals: &[Vec3], triangles: &[[u32; 3]]) {
@@ -61,7 +72,12 @@ impl SurfaceModel {
 
     /// Whether any surface reflects light.
     pub fn reflects(&self) -> bool {
-        self.finishes.iter().any(|finish| finish.albedo != Vec3::ZERO)
+        self.finishes.iter().any(|finish| finish.albedo != Vec3::ZERO || finish.optics.is_some())
+    }
+
+    /// Whether any surface is a mirror or of glass.
+    pub fn is_specular(&self) -> bool {
+        self.finishes.iter().any(|finish| finish.optics.is_some())
     }
 
     /// Number of triangles.
@@ -113,6 +129,10 @@ pub struct SurfacePoint {
     pub albedo: Vec3,
     /// Radiance towards the ray's origin.
     pub emission: Vec3,
+    /// Where light goes on from a surface that is not diffuse.
+    pub optics: Option<Optics>,
+    /// Whether the ray comes from the side of the triangle's winding.
+    pub outside: bool,
 }
 
 impl SurfacePoint {
@@ -152,7 +172,7 @@ impl Surfaces {
         let smooth = mix(&self.normals).normalize_or_zero() * side;
         let normal = if smooth.dot(direction) < 0.0 { smooth } else { flat_normal };
         let finish = self.finish[hit.triangle as usize];
-        let Finish { albedo, emission } = self.finishes[finish as usize];
+        let Finish { albedo, emission, optics } = self.finishes[finish as usize];
         SurfacePoint {
             distance: hit.distance,
             // From the corners, not along the ray: its error does not grow with the distance.
@@ -163,12 +183,32 @@ impl Surfaces {
             finish,
             albedo,
             emission: if outside { emission } else { Vec3::ZERO },
+            optics,
+            outside,
         }
     }
 
     /// The corners of the smallest box around all surfaces; none where there are none.
     pub fn bounds(&self) -> Option<[Vec3; 2]> {
         crate::hair::strands::bounds(self.scene.positions())
+    }
+
+    /// A ball around all triangles of each mirror or glass finish: the finish, centre and radius.
+    pub fn specular_balls(&self) -> Vec<(u32, Vec3, f32)> {
+        let mut points: Vec<Vec<Vec3>> = vec![Vec::new(); self.finishes.len()];
+        for (corners, &finish) in self.scene.triangles().iter().zip(&self.finish) {
+            if self.finishes[finish as usize].optics.is_some() {
+                points[finish as usize].extend(corners.map(|v| self.scene.positions()[v as usize]));
+            }
+        }
+        let ball = |(finish, points): (usize, &Vec<Vec3>)| {
+            let [low, high] = crate::hair::strands::bounds(points)?;
+            let center = 0.5 * (low + high);
+            let radius = points.iter().map(|point| point.distance(center)).fold(0.0, f32::max);
+            // A little wider: rounding must not leave a point outside.
+            Some((finish as u32, center, radius * 1.0001))
+        };
+        points.iter().enumerate().filter_map(ball).collect()
     }
 
     /// Whether anything lies on a ray with unit direction between `near` and `far`.

@@ -154,7 +154,7 @@ fn mean_of_cone(inner: f32, outer: f32) -> f32 {
 }
 
 /// The direction at a cosine to the z axis, `turn` of a circle around it.
-fn around(cosine: f32, turn: f32) -> Vec3 {
+pub(super) fn around(cosine: f32, turn: f32) -> Vec3 {
     let (sin, cos) = (TAU * turn).sin_cos();
     let radius = ((1.0 - cosine) * (1.0 + cosine)).max(0.0).sqrt();
     Vec3::new(radius * cos, radius * sin, cosine)

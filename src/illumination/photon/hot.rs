@@ -104,6 +104,18 @@ impl HotSpots {
         ((4.0 * self.share).min(1.0) * most as f32).ceil() as u32
     }
 
+    /// Mean of the channels of the power that they reflect above the cap.
+    pub(super) fn power(&self) -> f32 {
+        self.by_power.total() as f32
+    }
+
+    /// A place in them, its unit normal, and the power that stands for all of them there; chosen by power with a uniform number in [0, 1).
+    pub(super) fn choose(&self, u: f64) -> Option<(Vec3, Vec3, Vec3)> {
+        let (index, _) = self.by_power.choose(u)?;
+        let hot = &self.photons[index];
+        Some((hot.position, hot.normal, hot.power * (self.by_power.total() as f32 / brightness(hot.power))))
+    }
+
     /// Light from the spots at a point, above the cap, whether or not something is in the way: `count` stratified samples. Each
     /// `Incident::irradiance` is its share; `key` names the random numbers.
     pub fn light(&self, position: Vec3, count: u32, key: u32, mut take: impl FnMut(&Incident)) {

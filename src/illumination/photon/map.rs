@@ -17,7 +17,7 @@ use crate::igloo::frame_around;
 use crate::surface::Surfaces;
 
 /// Normals are alike below this angle's cosine: about 37 degrees.
-const LIKE: f32 = 0.8;
+pub(super) const LIKE: f32 = 0.8;
 /// Rays that measure how much of an estimate's disk lies on the surface.
 const PROBES: u32 = 24;
 /// How many nearest ones are asked for a like normal, before there is none.
@@ -49,15 +49,15 @@ struct Sample {
     irradiance: Irradiance,
 }
 
-type Tree = ImmutableKdTree<f32, 3>;
+pub(super) type Tree = ImmutableKdTree<f32, 3>;
 
 /// Axes that no wall of a box is square to: a tree over points with the same coordinate splits badly.
-fn turn() -> Mat3 {
+pub(super) fn turn() -> Mat3 {
     Mat3::from_quat(Quat::from_euler(glam::EulerRot::XYZ, 0.37, 0.71, 1.13))
 }
 
-fn tree<'p>(photons: impl Iterator<Item = &'p Photon>, turn: &Mat3) -> Option<Tree> {
-    let points: Vec<[f32; 3]> = photons.map(|photon| (*turn * photon.position).to_array()).collect();
+pub(super) fn tree(places: impl Iterator<Item = Vec3>, turn: &Mat3) -> Option<Tree> {
+    let points: Vec<[f32; 3]> = places.map(|place| (*turn * place).to_array()).collect();
     ImmutableKdTree::new_from_slice(&points).ok()
 }
 
@@ -84,7 +84,7 @@ impl PhotonMap {
                 Some(Sample { normal: at.normal, irradiance: Irradiance { total, indirect, radius } })
             })
             .collect::<Option<Vec<Sample>>>()?;
-        let mut map = Self { tree: tree(places.iter(), &turn)?, samples, turn, hot: None };
+        let mut map = Self { tree: tree(places.iter().map(|place| place.position), &turn)?, samples, turn, hot: None };
         map.hot = HotSpots::find(&all.photons, |photon| map.irradiance(photon.position, photon.normal));
         Some(map)
     }
@@ -135,7 +135,7 @@ impl Cloud {
         if photons.len() <= neighbours.get() {
             return None;
         }
-        Some(Self { tree: tree(photons.iter(), &turn)?, photons, turn, neighbours })
+        Some(Self { tree: tree(photons.iter().map(|photon| photon.position), &turn)?, photons, turn, neighbours })
     }
 
     /// Power of the photons in a disk over the part of its area that lies on the surface, and the disk's radius.
@@ -155,22 +155,28 @@ impl Cloud {
         let like = nearest.iter().map(|&item| &self.photons[item as usize]).filter(|p| p.normal.dot(at.normal) > LIKE);
         let power: Vec3 = like.map(|photon| photon.power).sum();
         let radius = radius2.sqrt();
-        (power / (PI * radius2 * on_surface(surfaces, at, radius)), radius)
+        (power / (PI * radius2 * on_surface(surfaces, at.position, at.normal, radius, |u| u)), radius)
     }
 }
 
 /// The share of a disk around a place that lies on a surface of like normal: at an edge or in a corner a part of it lies outside,
-/// where no photon arrives.
-fn on_surface(surfaces: &Surfaces, at: &Photon, radius: f32) -> f32 {
-    let frame = frame_around(at.normal);
+/// where no photon arrives. `within2(u)` is the squared share of the radius within which the share u of the disk's weight lies.
+pub(super) fn on_surface(
+    surfaces: &Surfaces,
+    position: Vec3,
+    normal: Vec3,
+    radius: f32,
+    within2: impl Fn(f32) -> f32,
+) -> f32 {
+    let frame = frame_around(normal);
     let height = 0.5 * radius;
     let probe = |i: u32| {
         // The golden angle: points of a disk, evenly spread.
         let (sin, cos) = (i as f32 * (TAU * 0.618_034)).sin_cos();
-        let r = radius * ((i as f32 + 0.5) / PROBES as f32).sqrt();
-        let from = at.position + frame * Vec3::new(r * cos, r * sin, height);
-        let met = surfaces.closest(from, -at.normal, 0.0, 2.0 * height);
-        met.is_some_and(|met| met.normal.dot(at.normal) > LIKE && met.position.distance(at.position) <= radius * 1.01)
+        let r = radius * within2((i as f32 + 0.5) / PROBES as f32).sqrt();
+        let from = position + frame * Vec3::new(r * cos, r * sin, height);
+        let met = surfaces.closest(from, -normal, 0.0, 2.0 * height);
+        met.is_some_and(|met| met.normal.dot(normal) > LIKE && met.position.distance(position) <= radius * 1.01)
     };
     let on = (0..PROBES).filter(|&i| probe(i)).count().max(1);
     on as f32 / PROBES as f32

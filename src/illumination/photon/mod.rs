@@ -3,11 +3,17 @@
 //! Photons leave the lights, are stored where they arrive, and give the irradiance there: all of it, and that of light which was reflected at least
 //! once. Where the map's blur would be seen, rays to the lights find what arrives straight from them. Power in W, in render units.
 
+mod aimed;
+mod beams;
+mod caustic;
 mod emission;
 mod hot;
 mod map;
 mod trace;
 
+pub use aimed::Aimed;
+pub use beams::MOST as MOST_BEAMS;
+pub use caustic::Caustics;
 pub use emission::{Emission, Emitter};
 pub use hot::HotSpots;
 pub use map::{Irradiance, PhotonMap};
@@ -25,5 +31,19 @@ pub struct Settings {
     pub seed: u32,
 }
 
+/// How the photons of caustics are traced and counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CausticSettings {
+    /// Photons that leave the lamps.
+    pub photons: u32,
+    /// Mirrors and glass that a photon meets at the most. What would follow is lost.
+    pub depth: u32,
+    /// Photons of an estimate.
+    pub neighbours: u32,
+    pub seed: u32,
+}
+
+#[cfg(test)]
+mod caustic_tests;
 #[cfg(test)]
 mod tests;

@@ -9,7 +9,7 @@ use crate::hash::{hash, to_unit};
 use crate::illumination::{DirectLight, Environment, Illumination, Lamp, Radiance, RectLight};
 use crate::surface::{SurfaceModel, Surfaces, primitives};
 
-const FREE: fn(Vec3, Vec3, f32) -> f32 = |_, _, _| 1.0;
+pub(super) const FREE: fn(Vec3, Vec3, f32) -> f32 = |_, _, _| 1.0;
 
 fn surfaces(meshes: &[(crate::surface::Mesh, Vec3)], area: &[RectLight]) -> Surfaces {
     let mut model = SurfaceModel::default();
@@ -25,13 +25,13 @@ fn surfaces(meshes: &[(crate::surface::Mesh, Vec3)], area: &[RectLight]) -> Surf
 }
 
 /// The cube from -1 to 1: floor, ceiling, left, right, back, front.
-fn cube(albedos: [Vec3; 6]) -> Vec<(crate::surface::Mesh, Vec3)> {
+pub(super) fn cube(albedos: [Vec3; 6]) -> Vec<(crate::surface::Mesh, Vec3)> {
     let out = [Vec3::NEG_Y, Vec3::Y, Vec3::NEG_X, Vec3::X, Vec3::NEG_Z, Vec3::Z];
     let wall = |n: Vec3| primitives::plane(n.as_dvec3(), -n.as_dvec3(), [2.0, 2.0]);
     out.into_iter().zip(albedos).map(|(n, albedo)| (wall(n), albedo)).collect()
 }
 
-fn lit(sky: Vec3, direct: Vec<DirectLight>, area: Vec<RectLight>, surfaces: Surfaces) -> Illumination {
+pub(super) fn lit(sky: Vec3, direct: Vec<DirectLight>, area: Vec<RectLight>, surfaces: Surfaces) -> Illumination {
     let environment = Environment::new(Radiance::Uniform(sky), None, Mat3::IDENTITY, 64);
     Illumination::new(
         environment,
@@ -42,11 +42,11 @@ fn lit(sky: Vec3, direct: Vec<DirectLight>, area: Vec<RectLight>, surfaces: Surf
     )
 }
 
-fn settings(photons: u32) -> Settings {
+pub(super) fn settings(photons: u32) -> Settings {
     Settings { photons, max_bounces: 200, neighbours: 64, seed: 3 }
 }
 
-fn lamp() -> DirectLight {
+pub(super) fn lamp() -> DirectLight {
     DirectLight::Point { position: Vec3::new(0.1, 0.7, -0.05), intensity: Vec3::new(1.0, 0.8, 0.5) }
 }
 

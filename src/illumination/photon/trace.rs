@@ -13,6 +13,7 @@ use crate::surface::Surfaces;
 const HAIR: u32 = 0x4841_4952;
 const LIVES: u32 = 0x4C49_5645;
 const TURN: u32 = 0x5455_524E;
+const WAY_ON: u32 = 0x5741_594F;
 
 /// Most photons that are kept: 52 bytes each, and as much again for the trees over them.
 pub const MOST: usize = 8_000_000;
@@ -21,7 +22,7 @@ pub const MOST: usize = 8_000_000;
 const PILOT: u32 = 4096;
 
 /// Paths between two looks at how many photons there are.
-const BATCH: u32 = 1 << 16;
+pub(super) const BATCH: u32 = 1 << 16;
 
 /// Light that arrives at a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,7 +107,16 @@ fn path(
     for bounce in 0..=settings.max_bounces {
         let number = |purpose, axis| to_unit(hash(&[purpose, settings.seed, index, bounce, axis]));
         let Some(hit) = surfaces.closest(origin, direction, 0.0, f32::INFINITY) else { break };
-        if number(HAIR, 0) >= hair(origin, direction, hit.distance) || hit.albedo == Vec3::ZERO {
+        if number(HAIR, 0) >= hair(origin, direction, hit.distance) {
+            break;
+        }
+        if let Some(optics) = &hit.optics {
+            let way = optics.ways(&hit, direction).choose(number(WAY_ON, 0));
+            let Some(left) = survivor(power, way.share, number(LIVES, 0)) else { break };
+            (origin, direction, power) = (way.origin, way.direction, left);
+            continue;
+        }
+        if hit.albedo == Vec3::ZERO {
             break;
         }
         stored.push(Photon {
@@ -116,12 +126,8 @@ fn path(
             albedo: hit.albedo,
             direct: bounce == 0,
         });
-        // Russian roulette by the brightest channel: no photon gains power.
-        let lives = hit.albedo.max_element().min(1.0);
-        if number(LIVES, 0) >= lives {
-            break;
-        }
-        power *= hit.albedo / lives;
+        let Some(left) = survivor(power, hit.albedo, number(LIVES, 0)) else { break };
+        power = left;
         origin = hit.leaving();
         direction = cosine_sample(hit.normal, [number(TURN, 0), number(TURN, 1)]);
         // An interpolated normal may lead into the triangle: that light is lost in `Illumination::reflected`, too.
@@ -130,4 +136,10 @@ fn path(
         }
     }
     stored
+}
+
+/// Power of a photon of which a surface sends on this share, or its end: Russian roulette by the brightest channel, so that no photon gains power.
+pub(super) fn survivor(power: Vec3, share: Vec3, number: f32) -> Option<Vec3> {
+    let lives = share.max_element().min(1.0);
+    (number < lives).then(|| power * (share / lives))
 }
