@@ -18,6 +18,7 @@ pub mod shading;
 pub mod shadow;
 pub mod study;
 pub mod surface;
+pub mod tally;
 pub mod transform;
 
 mod file;

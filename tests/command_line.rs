@@ -60,8 +60,57 @@ fn a_plan_tells_what_is_left_out() {
     let arguments = ["plan", "scene.toml", "--no-probe", "--without", "point-and-directional-lights"];
     let (code, out, err) = run(folder.path(), &arguments);
     assert_eq!(code, 0, "{err}");
-    let line = out.lines().find(|line| line.contains("point, spot")).expect("a line");
-    assert!(line.contains("off") && line.contains("effects.without names it"), "{line}");
+    for kind in ["point lights", "spot lights", "directional lights"] {
+        let line = out.lines().find(|line| line.contains(kind)).expect("a line");
+        assert!(line.contains("off:") && line.contains("effects.without names it"), "{line}");
+    }
+}
+
+#[test]
+fn a_plan_tells_what_is_forced_on() {
+    let folder = folder(SOUND);
+    let forced = ["--with", "hair", "--with", "area-lights"];
+    let (code, out, err) = run(folder.path(), &[&["plan", "scene.toml", "--no-probe"], &forced[..]].concat());
+    assert_eq!(code, 0, "{err}");
+    for name in ["hair", "area lights"] {
+        let line = out.lines().find(|line| {
+            line.split_once(": ").is_some_and(|(_, rest)| rest.trim_start().starts_with(&format!("{name}  ")))
+        });
+        let line = line.expect("a line");
+        assert!(line.trim_start().starts_with("on:") && line.contains("forced: effects.with names it"), "{line}");
+    }
+    // And in the scene file, with a plan as JSON, times and all.
+    std::fs::write(folder.path().join("a.toml"), format!("{SOUND}[effects]\nwith = ['area-lights']\n"))
+        .expect("a scene");
+    let (code, out, err) = run(folder.path(), &["plan", "a.toml", "--json", "--resolution", "32x32", "-q"]);
+    assert_eq!(code, 0, "{err}");
+    let plan: serde_json::Value = serde_json::from_str(&out).expect("JSON");
+    let effects = plan["effects"].as_array().expect("effects");
+    let area = effects.iter().find(|effect| effect["key"] == "area-lights").expect("area lights");
+    assert_eq!((&area["on"], &area["forced"], &area["left_out"]), (&true.into(), &true.into(), &false.into()));
+    let seconds: f64 =
+        plan["cpu_seconds"].as_array().expect("times").iter().map(|part| part["seconds"].as_f64().expect("s")).sum();
+    assert!(seconds > 0.0 && plan["structures"].is_array() && plan["memory"].is_array(), "{plan}");
+}
+
+#[test]
+fn effects_that_make_no_sense_are_refused() {
+    let folder = folder(SOUND);
+    for (arguments, part) in [
+        (&["--with", "hair", "--without", "hair"][..], "effects.with and effects.without both have hair"),
+        (&["--with", "spot-lights", "--without", "point-and-directional-lights"], "both have spot-lights"),
+        (&["--with", "hair-occlusion", "--without", "hair-occlusion-by-rays"], "both have hair-occlusion-by-rays"),
+        (&["--without", "rays-through-hair"], "rays-through-hair cannot be left out"),
+        (&["--without", "settings-by-accuracy"], "occlusion.opening"),
+        (&["--without", "marschner"], "hair[].shading says how"),
+        (&["--with", "area-light"], "did you mean \"area-lights\"?"),
+    ] {
+        for command in ["plan", "check"] {
+            let (code, _, err) = run(folder.path(), &[&[command, "scene.toml"], arguments].concat());
+            assert_eq!(code, 3, "{command} {arguments:?}: {err}");
+            assert!(err.contains(part), "{command} {arguments:?}: {err}");
+        }
+    }
 }
 
 #[test]

@@ -151,6 +151,17 @@ fn without_hair_there_is_nothing_to_compare() {
 }
 
 #[test]
+fn hair_that_only_a_lamp_lights_is_compared_all_the_same() {
+    // The picture asks nothing about what is around there, and builds nothing for it.
+    let lamp = "[[light.point]]\nposition = [2, 2, 2]\nintensity = [5, 5, 5]\n";
+    let scene = format!("{}{lamp}", SCENE.replace("color = [1, 1, 1]", "color = [0, 0, 0]"));
+    let folder = program::folder(&scene);
+    let (code, out, err) = crosscheck(folder.path(), &["--json", "-", "--set", "indirect.mode=none"]);
+    assert_eq!(code, Some(0), "{out}{err}");
+    assert_ne!(json(&out)["verdict"], "exceeded", "{out}");
+}
+
+#[test]
 fn faults_have_their_exit_codes() {
     let folder = folder();
     for (arguments, code, part) in [

@@ -35,7 +35,14 @@ fn too_much_is_refused_before_it_is_asked_for() {
         "wide.toml",
         "environment.color = [1, 1, 1]\ncamera.resolution = [32768, 32768]\nsurface = [{ sphere = {} }]".into(),
     );
+    let figure = "title = 't'\nnote = 'n'\nscene = 'grown.toml'\n[[panel]]\nlabel = 'a'\nset = ['hair=[]']\n\
+                  [[panel]]\nlabel = 'b'\n[[panel]]\nlabel = 'c'\ndifference = [0, 1]\n";
+    write("figure.toml", figure.into());
     for (arguments, what) in [
+        ("plan grown.toml --no-probe", "Embree's tree over 520000000 segments"),
+        ("plan wide.toml", "the picture of 1073741824 pixels"),
+        ("figure figure.toml -o f.png", "Embree's tree over 520000000 segments"),
+        ("study grown.toml -o folder", "Embree's tree over 520000000 segments"),
         ("render grown.toml -o a.exr", "Embree's tree over 520000000 segments"),
         ("check grown.toml", "hair[0].grow (8000000 strands of 65 points)"),
         ("grow grown.toml -o a.hair", "hair[0].grow"),
@@ -53,6 +60,8 @@ fn too_much_is_refused_before_it_is_asked_for() {
             }
         }
     }
+    // Nothing was begun.
+    assert!(!folder.path().join("f.png").exists() && !folder.path().join("folder").exists());
     // A part of the picture takes a part of the memory.
     let (code, text) = tress(folder.path(), 2, "render wide.toml -o a.exr --crop 0,0,16,16 --memory-limit 300MiB");
     assert_eq!(code, Some(0), "{text}");

@@ -82,6 +82,28 @@ fn an_openexr_file_holds_the_layers_and_says_where_it_is_from() {
 }
 
 #[test]
+fn what_is_left_out_and_forced_on_is_in_the_file_and_in_the_summary() {
+    let folder = folder();
+    let arguments = ["--without", "point-lights", "--with", "area-lights", "--with", "marschner"];
+    let (code, said) = tress(folder.path(), &[&["render", "scene.toml", "-o", "a.exr"], &arguments[..]].concat());
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("effects left out: point lights\n"), "{said}");
+    assert!(said.contains("effects forced on: area lights, scattering by Marschner\n"), "{said}");
+    let meta = |name: &str, key: &str| {
+        let info = image::info(&folder.path().join(name)).expect("an EXR file");
+        info.meta(key).map(|value| format!("{value:?}"))
+    };
+    assert!(meta("a.exr", "tress:effects.without").is_some_and(|value| value.contains("point-lights")));
+    assert!(meta("a.exr", "tress:effects.with").is_some_and(|value| value.contains("area-lights marschner")));
+    // Not in a file that needs neither.
+    let (code, said) = tress(folder.path(), &["render", "scene.toml", "-o", "b.exr", "--plan"]);
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!([meta("b.exr", "tress:effects.without"), meta("b.exr", "tress:effects.with")], [None, None]);
+    assert!(!said.contains("left out") && said.contains("CPU time   planned"), "{said}");
+    assert!(said.lines().any(|line| line.trim_end().ends_with("  hair occlusion by projection")), "{said}");
+}
+
+#[test]
 fn reproducible_files_are_equal_byte_by_byte_for_any_threads() {
     let folder = folder();
     let read = |name: &str| std::fs::read(folder.path().join(name)).expect("a file");

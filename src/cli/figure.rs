@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use super::memory::{Memory, thread_count};
 use super::values::{self, Resolution};
 use super::{Failure, Overrides, Verbosity, exit, interrupt, log, progress::Reporter};
 use crate::image::{self, ImageSpec, PixelFormat, RgbImage, display};
+use crate::render::memory::Work;
 use crate::study::figure::{Drawn, Figure, FigureError, PanelReport};
 
 /// Render the pictures of a figure and put them side by side
@@ -31,6 +33,8 @@ pub(crate) struct Arguments {
     threads: Option<u16>,
     #[command(flatten)]
     overrides: Overrides,
+    #[command(flatten)]
+    memory: Memory,
 }
 
 pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Failure> {
@@ -47,8 +51,12 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
     let mut overrides = arguments.overrides.all();
     overrides.extend(arguments.resolution.map(Resolution::setting));
     interrupt::install().map_err(|e| Failure::Bug(format!("cannot catch Ctrl-C: {e}")))?;
+    let threads = arguments.threads.map(usize::from);
+    for (document, window) in figure.documents(&path, &overrides)? {
+        arguments.memory.check(&document, Work::Render { window, threads: thread_count(threads) })?;
+    }
     let reporter = Reporter::new(verbosity);
-    let drawn = figure.draw(&path, &overrides, arguments.threads.map(usize::from), &reporter)?;
+    let drawn = figure.draw(&path, &overrides, threads, &reporter)?;
     drop(reporter);
     write_all(&arguments, &drawn)?;
     if !verbosity.quiet {

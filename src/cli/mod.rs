@@ -79,15 +79,20 @@ struct Overrides {
     /// Leave out an effect, whatever the scene calls for, as in --without area-lights; may be given several times. `tress plan` lists them
     #[arg(long, value_name = "EFFECT")]
     without: Vec<String>,
+    /// Run an effect although the scene does not call for it, as in --with area-lights; may be given several times. It changes no pixel
+    #[arg(long = "with", value_name = "EFFECT")]
+    forced: Vec<String>,
 }
 
 impl Overrides {
     /// All of them as `key.path=value`.
     fn all(&self) -> Vec<String> {
         let mut all = self.set.clone();
-        if !self.without.is_empty() {
-            let names: Vec<String> = self.without.iter().map(|name| format!("{name:?}")).collect();
-            all.push(format!("effects.without=[{}]", names.join(", ")));
+        for (key, names) in [("without", &self.without), ("with", &self.forced)] {
+            if !names.is_empty() {
+                let names: Vec<String> = names.iter().map(|name| format!("{name:?}")).collect();
+                all.push(format!("effects.{key}=[{}]", names.join(", ")));
+            }
         }
         all
     }

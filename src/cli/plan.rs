@@ -5,18 +5,15 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::check::notes;
-use super::memory::thread_count;
+use super::memory::{Memory, thread_count};
 use super::summary::grouped;
 use super::values::{self, Resolution};
 use super::{Failure, Overrides, Verbosity, exit, interrupt, load, progress::Reporter};
 use crate::effects::{Effect, Effects};
+use crate::render::Options;
 use crate::render::memory::{Part, Work, amount, estimate};
-use crate::render::progress::Progress;
-use crate::render::{self, Options, Statistics};
+use crate::render::plan::{self, Plan as Expected};
 use crate::scene::Scene;
-
-/// Pixels of the probe.
-const PROBE: f64 = 48.0 * 48.0;
 
 /// Say which effects a scene calls for, and estimate what its render takes
 ///
@@ -42,6 +39,8 @@ pub(crate) struct Arguments {
     threads: Option<u16>,
     #[command(flatten)]
     overrides: Overrides,
+    #[command(flatten)]
+    memory: Memory,
 }
 
 /// What a render is expected to do and take.
@@ -51,13 +50,16 @@ struct Plan {
     effects: Vec<Effect>,
     /// CPU seconds of each part; none without a probe.
     #[serde(skip_serializing_if = "Option::is_none")]
-    cpu_seconds: Option<Vec<Cost>>,
+    cpu_seconds: Option<Vec<Seconds>>,
+    /// Bytes that the structures of each effect hold; none without a probe.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    structures: Option<Vec<Part>>,
     /// Bytes that are held at the same time at the most.
     memory: Vec<Part>,
 }
 
 #[derive(Serialize)]
-struct Cost {
+struct Seconds {
     part: String,
     seconds: f64,
 }
@@ -68,19 +70,23 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
     let document = load(&arguments.scene, &overrides, verbosity)?.at_frame(arguments.frame);
     interrupt::install().map_err(|e| Failure::Bug(format!("cannot catch Ctrl-C: {e}")))?;
     let threads = arguments.threads.map(usize::from);
-    let memory = estimate(&document, Work::Render { window: None, threads: thread_count(threads) }).parts;
+    let work = Work::Render { window: None, threads: thread_count(threads) };
+    arguments.memory.check(&document, work)?;
+    let memory = estimate(&document, work).parts;
     let mut scene = Scene::load(document)?;
     if !verbosity.quiet {
         notes(&scene.notes);
     }
-    let effects = Effects::of(&scene).list(&scene.description().effects.without);
-    let cpu_seconds = if arguments.no_probe {
+    let effects = Effects::of(&scene).list(&scene.description().effects);
+    let expected = if arguments.no_probe {
         None
     } else {
         let reporter = Reporter::new(verbosity);
-        Some(probe(&mut scene, threads, &reporter)?)
+        Some(plan::probe(&mut scene, &Options { window: None, threads }, &reporter)?)
     };
-    let plan = Plan { scene: scene.document.path.display().to_string(), effects, cpu_seconds, memory };
+    let scene = scene.document.path.display().to_string();
+    let (cpu_seconds, structures) = (expected.as_ref().map(seconds), expected.as_ref().map(structures));
+    let plan = Plan { scene, effects, cpu_seconds, structures, memory };
     let text = if arguments.json {
         serde_json::to_string_pretty(&plan).map_err(|e| Failure::Bug(e.to_string()))? + "\n"
     } else {
@@ -89,45 +95,36 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
     exit::print(text.as_bytes())
 }
 
-/// Renders the scene small and scales the times.
-fn probe(scene: &mut Scene, threads: Option<usize>, progress: &dyn Progress) -> Result<Vec<Cost>, Failure> {
-    let [width, height] = scene.camera.resolution().map(f64::from);
-    let shrink = (width * height / PROBE).sqrt().max(1.0);
-    let small = [width, height].map(|side| (side / shrink).round().max(1.0) as u32);
-    scene.camera = scene.camera.with_resolution(small);
-    let (_, statistics) = render::render(scene, &Options { window: None, threads }, progress)?;
-    let pixels = width * height / (f64::from(small[0]) * f64::from(small[1]));
-    Ok(costs(&statistics, pixels))
+/// What takes any time, each effect by its name.
+fn seconds(expected: &Expected) -> Vec<Seconds> {
+    let effects = expected.costs.iter().filter_map(|cost| Some((cost.name, cost.planned?.cpu_seconds)));
+    effects
+        .chain([("all else", expected.rest)])
+        .filter(|(_, seconds)| *seconds > 0.0)
+        .map(|(part, seconds)| Seconds { part: part.to_owned(), seconds })
+        .collect()
 }
 
-/// The parts of a render of `pixels` times the probe's pixels. Structures take what they take.
-fn costs(probe: &Statistics, pixels: f64) -> Vec<Cost> {
-    let cost = |part: &str, seconds| Cost { part: part.to_owned(), seconds };
-    let fixed = probe.stages.iter().filter(|stage| stage.name != "rendering");
-    let parts = &probe.cpu_seconds;
-    let scaled = [
-        // Segments of hair cover more pixels as these shrink, in proportion to their length only.
-        ("fragments", parts.fragments * pixels.sqrt()),
-        ("hair occlusion", parts.gamma * pixels),
-        ("arriving light", parts.lambda * pixels),
-        ("point and directional lights", parts.direct * pixels),
-    ];
-    fixed
-        .map(|stage| cost(&stage.name, stage.cpu_seconds))
-        .chain(scaled.into_iter().map(|(part, seconds)| cost(part, seconds)))
-        .collect()
+/// What holds any memory.
+fn structures(expected: &Expected) -> Vec<Part> {
+    let part = |cost: &crate::render::costs::Cost| Part { what: cost.name.to_owned(), bytes: cost.bytes };
+    expected.costs.iter().map(part).filter(|part| part.bytes > 0).collect()
 }
 
 fn lines(plan: &Plan) -> Vec<String> {
     let mut lines = vec![format!("{}: effects", plan.scene)];
     let widest = plan.effects.iter().map(|effect| effect.name.len()).max().unwrap_or(0);
-    for Effect { name, on, reason } in &plan.effects {
-        lines.push(format!("  {} {name:widest$}  {reason}", if *on { "on " } else { "off" }));
+    for Effect { name, on, reason, .. } in &plan.effects {
+        lines.push(format!("  {} {name:widest$}  {reason}", if *on { "on: " } else { "off:" }));
     }
     if let Some(costs) = &plan.cpu_seconds {
         let all: f64 = costs.iter().map(|cost| cost.seconds).sum();
         lines.push(format!("CPU time, from a small picture: some {all:.1} s"));
         lines.extend(costs.iter().map(|cost| format!("  {:>9.2} s  {}", cost.seconds, cost.part)));
+    }
+    if let Some(structures) = &plan.structures {
+        lines.push("memory of structures, from the same picture".to_owned());
+        lines.extend(structures.iter().map(|part| format!("  {:>13}  {}", amount(part.bytes), part.what)));
     }
     let all: u64 = plan.memory.iter().map(|part| part.bytes).sum();
     lines.push(format!("memory, from counts: some {} ({} bytes)", amount(all), grouped(all)));

@@ -11,7 +11,7 @@ use super::{Failure, Overrides, Verbosity, crosscheck, interrupt, load, pixel, p
 use crate::embree;
 use crate::fragment::PixelRect;
 use crate::render::memory::Work;
-use crate::render::{self, Options, RenderError, Statistics, output, progress::Progress, statistics::Watch};
+use crate::render::{self, Options, RenderError, Statistics, output, plan, progress::Progress, statistics::Watch};
 use crate::scene::frame::frame_path;
 use crate::scene::{Document, Scene};
 use crate::study;
@@ -62,6 +62,9 @@ pub(crate) struct Arguments {
     /// Check hair occlusion after the render: compare the igloo with rays at a few of the points that were shaded, as tress crosscheck does. Fail with exit status 5 where they differ by more than the accuracy
     #[arg(long)]
     crosscheck: bool,
+    /// Make a plan first, from a small picture as tress plan does, and hold what the render took against it, effect by effect
+    #[arg(long, conflicts_with_all = ["max_error", "max_time", "pixel"])]
+    plan: bool,
     /// Write statistics of the run to this file
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
@@ -92,6 +95,8 @@ pub struct RenderRequest {
     pub crosscheck: bool,
     /// An error or a time to render to, with settings of its own.
     pub goal: Option<Goal>,
+    /// Whether what it takes is planned first.
+    pub plan: bool,
     /// Where statistics go.
     pub stats: Option<PathBuf>,
 }
@@ -177,10 +182,12 @@ fn render_frame(
     let options = Options { window, threads: request.threads };
     // The render takes them out of the scene.
     let surfaces = request.crosscheck.then(|| scene.surfaces.clone());
+    let plan = request.plan.then(|| plan::probe(&mut scene, &options, progress)).transpose()?;
     let (film, mut statistics) = match request.goal {
         Some(goal) => render_to(&mut scene, goal, &options, progress)?,
         None => render::render(&mut scene, &options, progress)?,
     };
+    plan.iter().for_each(|plan| plan.note_in(&mut statistics));
     statistics.stages.insert(0, loading);
     let watch = Watch::start();
     for path in &outputs {
@@ -270,8 +277,8 @@ fn request(arguments: Arguments, verbosity: Verbosity) -> Result<RenderRequest, 
     window(arguments.crop, &document)?;
     let threads = arguments.threads.map(usize::from);
     let goal = arguments.max_error.map(Goal::Error).or(arguments.max_time.map(Goal::Time));
-    let Arguments { crop, strict, crosscheck, stats, .. } = arguments;
-    Ok(RenderRequest { document, outputs, frames, crop, threads, strict, crosscheck, goal, stats })
+    let Arguments { crop, strict, crosscheck, plan, stats, .. } = arguments;
+    Ok(RenderRequest { document, outputs, frames, crop, threads, strict, crosscheck, goal, plan, stats })
 }
 
 /// The pixels of `--crop`; none where it is not given.

@@ -2,9 +2,12 @@
 
 use std::path::PathBuf;
 
+use super::memory::{Memory, thread_count};
 use super::values::{self, Resolution};
 use super::{Failure, Overrides, Verbosity, exit, interrupt, log, progress::Reporter};
 use crate::render::RenderError;
+use crate::render::memory::Work;
+use crate::scene;
 use crate::study::accuracy::{Options, Study, StudyError, results, study};
 
 /// Measure what accuracy costs on a scene: error against time of the settings that trade one for the other
@@ -31,6 +34,8 @@ pub(crate) struct Arguments {
     threads: Option<u16>,
     #[command(flatten)]
     overrides: Overrides,
+    #[command(flatten)]
+    memory: Memory,
 }
 
 pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Failure> {
@@ -41,12 +46,16 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
     interrupt::install().map_err(|e| Failure::Bug(format!("cannot catch Ctrl-C: {e}")))?;
     let mut overrides = arguments.overrides.all();
     overrides.extend(arguments.resolution.map(Resolution::setting));
+    // As large as the scene says, though a budget may ask for smaller pictures.
+    let threads = arguments.threads.map(usize::from);
+    let work = Work::Render { window: None, threads: thread_count(threads) };
+    arguments.memory.check(&scene::load(&arguments.scene, &overrides)?, work)?;
     let options = Options {
         overrides,
         folder: folder.clone(),
         budget: arguments.budget,
         repeats: arguments.repeats,
-        threads: arguments.threads.map(usize::from),
+        threads,
         command: std::env::args().collect::<Vec<_>>().join(" "),
     };
     let reporter = Reporter::new(verbosity);

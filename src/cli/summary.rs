@@ -2,6 +2,9 @@
 
 use std::path::PathBuf;
 
+use crate::effects::Effect;
+use crate::render::costs::{Cost, Planned};
+use crate::render::memory::amount;
 use crate::render::statistics::Claim;
 use crate::render::{Settled, Statistics};
 
@@ -12,6 +15,8 @@ pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf], effects: bool)
     if effects {
         let state = |on| if on { "on " } else { "off" };
         lines.extend(s.effects.iter().map(|e| format!("effect {}: {}: {}", state(e.on), e.name, e.reason)));
+    } else {
+        lines.extend(overridden(&s.effects));
     }
     lines.extend(s.occlusion.iter().flat_map(occlusion));
     lines.extend([
@@ -40,6 +45,9 @@ pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf], effects: bool)
             s.cpu_seconds.fragments, s.cpu_seconds.gamma, s.cpu_seconds.lambda, s.cpu_seconds.direct
         ),
     ]);
+    if effects || s.planned_cpu_seconds.is_some() {
+        lines.extend(costs(s));
+    }
     lines.extend(s.claim.iter().map(|claim| claimed(claim, s.passes)));
     if s.non_finite > 0 {
         lines.push(format!(
@@ -54,6 +62,50 @@ pub(super) fn lines(statistics: &Statistics, outputs: &[PathBuf], effects: bool)
     }
     lines.extend(outputs.iter().map(|path| format!("wrote {}", path.display())));
     lines
+}
+
+/// The effects that the user left out or forced on.
+fn overridden(effects: &[Effect]) -> Vec<String> {
+    let names = |wanted: fn(&Effect) -> bool| {
+        effects.iter().filter(|effect| wanted(effect)).map(|effect| effect.name).collect::<Vec<_>>().join(", ")
+    };
+    [("left out", names(|effect| effect.left_out)), ("forced on", names(|effect| effect.forced))]
+        .into_iter()
+        .filter(|(_, names)| !names.is_empty())
+        .map(|(what, names)| format!("effects {what}: {names}"))
+        .collect()
+}
+
+/// What each effect took that took anything, beside what was planned.
+fn costs(statistics: &Statistics) -> Vec<String> {
+    let seconds = |seconds: f64| format!("{seconds:.2} s");
+    let row = |name: &str, [time, planned, held, expected]: [String; 4]| {
+        if statistics.planned_cpu_seconds.is_some() {
+            format!("  {time:>9} {planned:>9}  {held:>13} {expected:>13}  {name}")
+        } else {
+            format!("  {time:>9}  {held:>13}  {name}")
+        }
+    };
+    let took_any = |cost: &&Cost| cost.cpu_seconds() >= 0.005 || cost.bytes > 0 || planned(cost).cpu_seconds >= 0.005;
+    let mut lines = vec![row("effect", ["CPU time", "planned", "memory", "planned"].map(str::to_owned))];
+    lines.extend(statistics.costs.iter().filter(took_any).map(|cost| {
+        let Planned { cpu_seconds, bytes } = planned(cost);
+        row(cost.name, [seconds(cost.cpu_seconds()), seconds(cpu_seconds), amount(cost.bytes), amount(bytes)])
+    }));
+    let [own, own_planned] = [Cost::cpu_seconds, |cost: &Cost| planned(cost).cpu_seconds]
+        .map(|part| statistics.costs.iter().map(part).sum());
+    let pictures =
+        statistics.stages.iter().filter(|stage| !matches!(&*stage.name, "loading" | "writing" | "cross-check"));
+    let all: f64 = pictures.map(|stage| stage.cpu_seconds).sum();
+    let rest = |all: f64, own: f64| seconds((all - own).max(0.0));
+    let planned = statistics.planned_cpu_seconds.unwrap_or_default();
+    let nothing = String::new;
+    lines.push(row("all else", [rest(all, own), rest(planned, own_planned), nothing(), nothing()]));
+    lines
+}
+
+fn planned(cost: &Cost) -> Planned {
+    cost.planned.unwrap_or_default()
 }
 
 /// The error of the picture.

@@ -10,6 +10,7 @@ use glam::Vec3;
 
 use super::curves::CurveScene;
 use super::embree_ray;
+use crate::tally::{self, Work};
 
 /// How many rays a packet holds.
 pub const PACKET: usize = 8;
@@ -76,6 +77,7 @@ impl CurveScene {
     where
         F: FnMut(Crossing) -> ControlFlow<()>,
     {
+        tally::add(Work::HairRays, 1);
         let Some(mut ray) = embree_ray(origin, direction, near, far) else { return false };
         let mut visit = |_, crossing| visit(crossing);
         let mut query = CrossingQuery::new(&mut visit);
@@ -99,6 +101,7 @@ impl CurveScene {
     {
         #[repr(C, align(32))]
         struct Valid([i32; PACKET]);
+        tally::add(Work::HairRays, directions.len().min(far.len()).min(PACKET) as u64);
         let mut valid = Valid([0; PACKET]);
         let mut rays = sys::RTCRay8::default();
         for (i, (&direction, &far)) in directions.iter().zip(far).take(PACKET).enumerate() {

@@ -7,6 +7,7 @@ use glam::Vec4;
 
 use super::scene::{Buffer, GeometryKind, SceneHandle};
 use super::{Device, Error, LARGEST_COORDINATE, check_coordinates, check_count};
+use crate::tally::Work;
 
 /// Hair segments, ready to be traced: ribbons that face the ray, of linearly interpolated radius.
 ///
@@ -47,6 +48,7 @@ impl CurveScene {
             scene_flags: sys::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS,
             argument_filter: true,
             during: "building a scene of hair segments",
+            counted: [Work::CurveGeometries, Work::CurveSegments],
         };
         let vertex_buffer =
             Buffer { data: vertices.as_ptr().cast(), stride: size_of::<Vec4>(), count, format: sys::RTC_FORMAT_FLOAT4 };

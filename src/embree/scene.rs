@@ -6,6 +6,7 @@ use embree4_sys as sys;
 
 use super::device::lock;
 use super::{Device, Error};
+use crate::tally::{self, Work};
 
 /// A committed scene of one geometry.
 pub(super) struct SceneHandle {
@@ -39,6 +40,8 @@ pub(super) struct GeometryKind {
     pub(super) scene_flags: sys::RTCSceneFlags,
     pub(super) argument_filter: bool,
     pub(super) during: &'static str,
+    /// What a scene and its primitives are counted as.
+    pub(super) counted: [Work; 2],
 }
 
 impl SceneHandle {
@@ -67,6 +70,8 @@ impl SceneHandle {
             // HIGH quality splits primitives and may report one twice.
             sys::rtcSetSceneBuildQuality(scene, sys::RTC_BUILD_QUALITY_MEDIUM);
             if indices.count > 0 {
+                tally::add(kind.counted[0], 1);
+                tally::add(kind.counted[1], indices.count as u64);
                 let geometry = sys::rtcNewGeometry(device.0.device, kind.geometry);
                 for (role, buffer) in [(sys::RTC_BUFFER_TYPE_VERTEX, vertices), (sys::RTC_BUFFER_TYPE_INDEX, indices)] {
                     let Buffer { data, stride, count, format } = *buffer;

@@ -8,6 +8,7 @@ use glam::Vec3;
 
 use super::scene::{Buffer, GeometryKind, SceneHandle};
 use super::{Device, Error, check_coordinates, check_count, embree_ray};
+use crate::tally::{self, Work};
 
 /// How many rays of [`TriangleScene::closest_from`] Embree gets at a time.
 const PACKET: usize = 16;
@@ -54,6 +55,7 @@ impl TriangleScene {
             scene_flags: sys::RTC_SCENE_FLAG_ROBUST,
             argument_filter: false,
             during: "building a scene of triangles",
+            counted: [Work::TriangleGeometries, Work::Triangles],
         };
         let vertex_buffer = Buffer {
             data: positions.as_ptr().cast(),
@@ -86,6 +88,7 @@ impl TriangleScene {
     /// The first triangle that the ray meets at a distance in `near..=far`, from either side. A ray that is not finite meets nothing.
     pub fn closest(&self, origin: Vec3, direction: Vec3, near: f32, far: f32) -> Option<TriangleHit> {
         let ray = embree_ray(origin, direction, near, far)?;
+        tally::add(Work::FirstHits, 1);
         let none = u32::MAX;
         let hit = sys::RTCHit { primID: none, geomID: none, instID: [none], instPrimID: [none], ..Default::default() };
         let mut query = sys::RTCRayHit { ray, hit };
@@ -107,6 +110,7 @@ impl TriangleScene {
     /// As sixteen rays at a time share their way through the tree, a ray costs a fraction of what it costs alone. Which of two triangles at the same
     /// distance is met may differ from [`Self::closest`].
     pub fn closest_from(&self, origin: Vec3, directions: &[Vec3], mut take: impl FnMut(usize, Option<TriangleHit>)) {
+        tally::add(Work::GatherRays, directions.len() as u64);
         for (first, directions) in (0..).step_by(PACKET).zip(directions.chunks(PACKET)) {
             let hits = self.closest_packet(origin, directions);
             (0..directions.len()).for_each(|i| take(first + i, hits[i]));
@@ -147,6 +151,7 @@ impl TriangleScene {
 
     /// Whether the ray meets any triangle at a distance in `near..=far`.
     pub fn occluded(&self, origin: Vec3, direction: Vec3, near: f32, far: f32) -> bool {
+        tally::add(Work::ShadowRays, 1);
         let Some(mut ray) = embree_ray(origin, direction, near, far) else { return false };
         // SAFETY: the scene is committed; `ray` is a whole, aligned RTCRay; null arguments mean the defaults.
         unsafe { sys::rtcOccluded1(self.scene.scene, &raw mut ray, ptr::null_mut()) };

@@ -98,6 +98,11 @@ impl Bins {
     pub fn entries(&self) -> usize {
         self.segments.len()
     }
+
+    /// Memory held, in bytes.
+    pub fn bytes(&self) -> u64 {
+        (size_of_val(&self.offsets[..]) + size_of_val(&self.segments[..])) as u64
+    }
 }
 
 /// Assigns the segments 0 to `count`, which `segment` gives in camera space, to the tiles of a grid. Parallel, with the same result for any

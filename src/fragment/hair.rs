@@ -45,6 +45,11 @@ impl PixelRect {
     pub fn image(resolution: [u32; 2]) -> Self {
         Self { min: [0, 0], max: resolution }
     }
+
+    /// How many pixels it has.
+    pub fn pixels(&self) -> u64 {
+        [0, 1].map(|i| u64::from(self.max[i].saturating_sub(self.min[i]))).iter().product()
+    }
 }
 
 /// Gives `emit` the column, row and fragment of each pixel in `rect` that the segment covers a part of, at most one fragment a pixel, by rows

@@ -7,5 +7,5 @@ pub mod join;
 pub mod model;
 pub mod strands;
 
-pub use model::{HairModel, OnStrand, SELF_WIDTHS, StrandSample};
+pub use model::{Colors, HairModel, OnStrand, SELF_WIDTHS, StrandSample};
 pub use strands::{Attribute, Strands};

@@ -21,6 +21,11 @@ pub enum Radiance {
 }
 
 impl Radiance {
+    /// What it holds, in bytes.
+    pub fn bytes(&self) -> u64 {
+        if let Self::Map(map) = self { size_of_val(&map.pixels[..]) as u64 } else { 0 }
+    }
+
     /// Whether it is black everywhere.
     pub fn is_black(&self) -> bool {
         match self {

@@ -5,6 +5,7 @@
 //! know how Γ is found.
 
 use std::f32::consts::PI;
+use std::sync::OnceLock;
 
 use glam::Vec3;
 
@@ -14,6 +15,7 @@ use super::{Environment, Lamp, PhotonMap, RectLight, lights::Incident, sources};
 use crate::hash::{hash, to_unit, unit};
 use crate::igloo::{Igloo, Span};
 use crate::surface::{SurfacePoint, Surfaces};
+use crate::tally::{self, Work};
 
 /// Purposes of random numbers.
 const SKY: u32 = 0x534B_5921;
@@ -41,7 +43,9 @@ pub struct Illumination {
     /// The environment's averages over it.
     means: Vec<Vec3>,
     /// Where single rays from surfaces go.
-    guide: Guide,
+    guide: OnceLock<Guide>,
+    /// Faces a hemisphere of the igloos.
+    faces: u32,
     /// Light that surfaces have reflected more than once; none where only one reflection counts.
     photons: Option<PhotonMap>,
 }
@@ -57,14 +61,20 @@ impl Illumination {
     ) -> Self {
         let igloo = Igloo::new(Span::Sphere, faces);
         let means = environment.averages(&igloo);
-        let coarse = Guide::igloo(faces);
-        let guide = if coarse.len() == igloo.len() {
-            Guide::new(coarse, means.clone())
-        } else {
-            let means = environment.averages(&coarse);
-            Guide::new(coarse, means)
-        };
-        Self { environment, direct, area, surfaces, igloo, means, guide, photons: None }
+        Self { environment, direct, area, surfaces, igloo, means, guide: OnceLock::new(), faces, photons: None }
+    }
+
+    /// Where single rays from surfaces go; found when the first of them asks.
+    fn guide(&self) -> &Guide {
+        self.guide.get_or_init(|| {
+            let coarse = Guide::igloo(self.faces);
+            if coarse.len() == self.igloo.len() {
+                Guide::new(coarse, self.means.clone())
+            } else {
+                let means = self.environment.averages(&coarse);
+                Guide::new(coarse, means)
+            }
+        })
     }
 
     /// The first surfaces along rays of unit direction from one point: `take` gets the number of each ray, in order, and what it meets.
@@ -163,6 +173,7 @@ impl Illumination {
     /// without extent, one sample of each area light and of one small bright source, one ray to the environment, and the photons of reflected light. Emission is not in
     /// it: area lights are sampled as lights; nor is what [`Illumination::hot_light`] brings.
     pub fn reflected(&self, point: &SurfacePoint, key: u32, hair: &impl Fn(Vec3, Vec3, f32) -> f32) -> Vec3 {
+        tally::add(Work::Reflections, 1);
         if point.albedo == Vec3::ZERO {
             return Vec3::ZERO;
         }
@@ -202,7 +213,7 @@ impl Illumination {
     /// Irradiance from the environment, its small bright sources left out, by one ray.
     fn sky_sample(&self, point: &SurfacePoint, origin: Vec3, key: u32, hair: &impl Fn(Vec3, Vec3, f32) -> f32) -> Vec3 {
         let numbers = [0, 1, 2].map(|axis| to_unit(hash(&[SKY, key, axis])));
-        let Some((direction, irradiance)) = self.guide.sample(point.normal, numbers) else { return Vec3::ZERO };
+        let Some((direction, irradiance)) = self.guide().sample(point.normal, numbers) else { return Vec3::ZERO };
         if irradiance == Vec3::ZERO || !self.sees(origin, direction, f32::INFINITY) {
             return Vec3::ZERO;
         }

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use super::lanes::{Block, LANES, Lanes, NOWHERE, Node};
 use super::layer::Transmittance;
 use crate::hair::HairModel;
+use crate::tally::{self, Work};
 
 /// The tree.
 #[derive(Debug)]
@@ -25,6 +26,7 @@ pub struct ClusterTree {
 impl ClusterTree {
     /// Builds the tree over all segments of a model.
     pub fn build(model: &HairModel, rule: Transmittance) -> Self {
+        tally::add(Work::ClusterTrees, 1);
         let mut order: Vec<(Vec3, u32)> = (0..model.segments())
             .into_par_iter()
             .map(|s| {

@@ -131,19 +131,39 @@ impl ClusterTree {
         // Emptying the map and summing it up cost about a lane for each two cells.
         scratch.work += map.len() as u64 / 2;
         let limits = far.map(|faces| Far { faces, cells: &cells, corners: &corners });
-        if map.span() == Span::Hemisphere {
-            let view = View::<true>::new(receiver, map, opening);
-            dispatch(&Walk { tree: self, receiver, map, view, far: limits, model }, scratch, gamma);
-        } else {
-            let view = View::<false>::new(receiver, map, opening);
-            dispatch(&Walk { tree: self, receiver, map, view, far: limits, model }, scratch, gamma);
+        // Compiled for each case, so that what a scene has not is not asked for at each lump.
+        match (map.span(), limits.is_none()) {
+            (Span::Hemisphere, true) => {
+                let view = View::<true>::new(receiver, map, opening);
+                let walk = Walk::<true, true> { tree: self, receiver, map, view, far: limits, model };
+                dispatch(&walk, scratch, gamma);
+            }
+            (Span::Hemisphere, false) => {
+                let view = View::<true>::new(receiver, map, opening);
+                let walk = Walk::<true, false> { tree: self, receiver, map, view, far: limits, model };
+                dispatch(&walk, scratch, gamma);
+            }
+            (Span::Sphere, true) => {
+                let view = View::<false>::new(receiver, map, opening);
+                let walk = Walk::<false, true> { tree: self, receiver, map, view, far: limits, model };
+                dispatch(&walk, scratch, gamma);
+            }
+            (Span::Sphere, false) => {
+                let view = View::<false>::new(receiver, map, opening);
+                let walk = Walk::<false, false> { tree: self, receiver, map, view, far: limits, model };
+                dispatch(&walk, scratch, gamma);
+            }
         }
         (scratch.far, scratch.far_corners) = (cells, corners);
     }
 }
 
 /// Runs the code that is compiled for the scratch's instructions.
-fn dispatch<const HEMISPHERE: bool>(walk: &Walk<'_, HEMISPHERE>, scratch: &mut Scratch, gamma: &mut [f32]) {
+fn dispatch<const HEMISPHERE: bool, const OPEN: bool>(
+    walk: &Walk<'_, HEMISPHERE, OPEN>,
+    scratch: &mut Scratch,
+    gamma: &mut [f32],
+) {
     match scratch.instructions {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: `Scratch::with_instructions` takes it only where the processor has it.
@@ -157,20 +177,32 @@ fn dispatch<const HEMISPHERE: bool>(walk: &Walk<'_, HEMISPHERE>, scratch: &mut S
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,bmi1,bmi2")]
-fn query_avx512<const HEMISPHERE: bool>(walk: &Walk<'_, HEMISPHERE>, scratch: &mut Scratch, gamma: &mut [f32]) {
+fn query_avx512<const HEMISPHERE: bool, const OPEN: bool>(
+    walk: &Walk<'_, HEMISPHERE, OPEN>,
+    scratch: &mut Scratch,
+    gamma: &mut [f32],
+) {
     query(walk, scratch, gamma);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2")]
-fn query_avx2<const HEMISPHERE: bool>(walk: &Walk<'_, HEMISPHERE>, scratch: &mut Scratch, gamma: &mut [f32]) {
+fn query_avx2<const HEMISPHERE: bool, const OPEN: bool>(
+    walk: &Walk<'_, HEMISPHERE, OPEN>,
+    scratch: &mut Scratch,
+    gamma: &mut [f32],
+) {
     query(walk, scratch, gamma);
 }
 
 #[inline(always)]
-fn query<const HEMISPHERE: bool>(walk: &Walk<'_, HEMISPHERE>, scratch: &mut Scratch, gamma: &mut [f32]) {
+fn query<const HEMISPHERE: bool, const OPEN: bool>(
+    walk: &Walk<'_, HEMISPHERE, OPEN>,
+    scratch: &mut Scratch,
+    gamma: &mut [f32],
+) {
     walk.run(scratch);
-    walk.map.finish(&scratch.depth, walk.far.map(|far| far.faces), &mut scratch.cells, gamma);
+    walk.map.finish(&scratch.depth, walk.far().map(|far| far.faces), &mut scratch.cells, gamma);
 }
 
 #[cfg(test)]

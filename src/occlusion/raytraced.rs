@@ -145,6 +145,13 @@ impl HairRays {
         Ok(Self { scene, depths, first_segment })
     }
 
+    /// What it holds, in bytes; Embree's own tree comes on top.
+    pub fn bytes(&self) -> u64 {
+        let depths = if let Depths::PerSegment(depths) = &self.depths { size_of_val(&depths[..]) } else { 0 };
+        let scene = size_of_val(self.scene.vertices()) + size_of_val(self.scene.segments());
+        (depths + scene + size_of_val(&self.first_segment[..])) as u64
+    }
+
     #[inline]
     fn depth(&self, segment: u32) -> u64 {
         u64::from(match &self.depths {

@@ -9,13 +9,13 @@ use super::segment::{Parts, WHOLE, counted};
 use super::{DepthMap, Receiver};
 use crate::hair::HairModel;
 
-/// One query: what is the same on the whole way.
-pub struct Walk<'a, const HEMISPHERE: bool> {
+/// One query: what is the same on the whole way. `OPEN`: there are no surfaces.
+pub struct Walk<'a, const HEMISPHERE: bool, const OPEN: bool> {
     pub tree: &'a ClusterTree,
     pub receiver: &'a Receiver,
     pub map: &'a DepthMap,
     pub view: View<HEMISPHERE>,
-    /// None where there are no surfaces.
+    /// None where there are no surfaces, and there only.
     pub far: Option<Far<'a>>,
     pub model: &'a HairModel,
 }
@@ -88,7 +88,13 @@ fn kind(lumps: u32) -> usize {
     lumps.trailing_zeros() as usize - 1
 }
 
-impl<const HEMISPHERE: bool> Walk<'_, HEMISPHERE> {
+impl<const HEMISPHERE: bool, const OPEN: bool> Walk<'_, HEMISPHERE, OPEN> {
+    /// Where surfaces end what counts: known to be nowhere when it is compiled, where there are none.
+    #[inline(always)]
+    pub fn far(&self) -> Option<Far<'_>> {
+        if OPEN { None } else { self.far }
+    }
+
     /// Gathers all hair in `scratch.depth`.
     ///
     /// Level by level: what comes next is then known long before, so that the processor can read it and begin with it while it still
@@ -162,7 +168,7 @@ impl<const HEMISPHERE: bool> Walk<'_, HEMISPHERE> {
     #[inline(always)]
     fn give(&self, splat: &Splat<LANES>, distance2: &Lanes, depth: &mut [Corners]) {
         let lumps = splat.cell.iter().zip(&splat.amount);
-        let Some(far) = self.far else {
+        let Some(far) = self.far() else {
             for (&cell, amount) in lumps {
                 lanes::add(&mut depth[cell as usize], amount);
             }
@@ -282,7 +288,7 @@ impl<const HEMISPHERE: bool> Walk<'_, HEMISPHERE> {
         for [from, to] in parts.into_iter().flatten() {
             let ribbon = Ribbon::new(a, b, widths, [from, to], block.opacity[lane]);
             if let Some(ribbon) = ribbon {
-                ribbon::gather(&ribbon, &self.view, self.map, self.far, scratch);
+                ribbon::gather(&ribbon, &self.view, self.map, self.far(), scratch);
             }
         }
     }

@@ -15,6 +15,7 @@ use super::tile::Frame;
 use crate::fragment::PixelRect;
 use crate::occlusion::{Calibration, Fineness, Igloo, Reference, Site, calibrate};
 use crate::scene::description::OcclusionMode;
+use crate::tally::{self, Work};
 
 /// Points of each kind at which settings are judged.
 const POINTS: usize = 64;
@@ -91,6 +92,10 @@ pub fn settle(lighting: &mut Lighting<'_>, progress: &dyn Progress) -> Result<Op
     let [all_hair, all_surface] = drawn.population;
     let hair = judge(lighting, &hairs, all_hair, settings.accuracy, progress)?;
     let surface = judge(lighting, &surfaces, all_surface, settings.accuracy, progress)?;
+    if !lighting.called_for().calibration {
+        // Forced on: the scene has settings of its own.
+        return Ok(None);
+    }
     let settled = choose(settings.mode, settings.accuracy, hair, surface);
     let estimator = match (settled.estimator, lighting.take_estimator()) {
         ("igloo", Estimator::Projected { tree, sphere, hemisphere }) => {
@@ -128,6 +133,7 @@ fn judge(
     progress: &dyn Progress,
 ) -> Result<Option<Found>, RenderError> {
     let (Some(rays), false) = (lighting.hair_rays(), points.is_empty()) else { return Ok(None) };
+    tally::add(Work::CalibrationPoints, points.len() as u64);
     let model = &lighting.scene().hair;
     let mut space = Workspace::default();
     let open = !lighting.effects().surfaces;

@@ -1,5 +1,6 @@
 //! The estimator of Γ that a scene asks for, with what it needs.
 
+use crate::effects::Effects;
 use crate::embree::Device;
 use crate::hair::HairModel;
 use crate::occlusion::{
@@ -8,12 +9,15 @@ use crate::occlusion::{
 };
 use crate::scene::Scene;
 use crate::scene::description::{CrossingRule, Occlusion, OcclusionMode, ProjectionRule, TransmittanceRule};
+use crate::tally::{self, Work};
 
 /// How Γ is found.
 #[derive(Debug)]
 pub enum Estimator {
     /// Hair blocks nothing.
     Free,
+    /// One that is asked only because the user forces it, before the one that counts.
+    Beside { beside: Box<Estimator>, counts: Box<Estimator> },
     /// By projection, far hair in clusters: how finely on the sphere around hair and on a surface's hemisphere.
     Projected { tree: ClusterTree, sphere: Box<Fine>, hemisphere: Box<Fine> },
     /// By projection, segment by segment: the paper's own ways.
@@ -67,10 +71,10 @@ pub fn ray_settings(settings: &Occlusion, rays: u32) -> RaySettings {
 }
 
 impl Estimator {
-    /// Builds it. Where a calibration is to come it has the settings that suit any hair; `auto` comes as a projection.
-    pub fn build(scene: &Scene, sphere: &Igloo, hemisphere: &Igloo) -> Self {
+    /// Builds the one that the effects call for. Where a calibration is to come it has the settings that suit any hair; `auto` comes as a projection.
+    pub fn build(scene: &Scene, effects: &Effects, sphere: &Igloo, hemisphere: &Igloo) -> Self {
         let settings = &scene.description().occlusion;
-        if scene.hair.is_empty() {
+        if !(effects.projected_occlusion || effects.raytraced_occlusion) {
             return Self::Free;
         }
         match settings.mode {
@@ -86,14 +90,58 @@ impl Estimator {
             }
             OcclusionMode::Igloo if settings.by_segments() => Self::segments(scene),
             OcclusionMode::Igloo | OcclusionMode::Auto => {
-                let rule = transmittance_rule(scene);
                 let opening = settings.opening.filter(|_| settings.mode == OcclusionMode::Igloo).map(|o| o as f32);
-                let fine = |igloo: &Igloo| {
-                    Box::new(Fine::new(Fineness::for_faces(igloo.span(), settings.face_count(), opening), igloo))
-                };
-                let (sphere, hemisphere) = (fine(sphere), fine(hemisphere));
-                Self::Projected { tree: ClusterTree::build(&scene.hair, rule), sphere, hemisphere }
+                Self::projected(scene, opening, sphere, hemisphere)
             }
+        }
+    }
+
+    fn projected(scene: &Scene, opening: Option<f32>, sphere: &Igloo, hemisphere: &Igloo) -> Self {
+        let faces = scene.description().occlusion.face_count();
+        let fine = |igloo: &Igloo| Box::new(Fine::new(Fineness::for_faces(igloo.span(), faces, opening), igloo));
+        let (sphere, hemisphere) = (fine(sphere), fine(hemisphere));
+        Self::Projected { tree: ClusterTree::build(&scene.hair, transmittance_rule(scene)), sphere, hemisphere }
+    }
+
+    /// Adds estimators that only the user's force asks for: `runs` beyond `called_for`.
+    pub fn and_forced(self, scene: &Scene, called_for: &Effects, runs: &Effects, igloos: [&Igloo; 2]) -> Self {
+        let beside = |beside, counts| Self::Beside { beside: Box::new(beside), counts: Box::new(counts) };
+        let mut all = self;
+        if runs.projected_occlusion && !called_for.projected_occlusion {
+            all = beside(Self::projected(scene, None, igloos[0], igloos[1]), all);
+        }
+        if runs.raytraced_occlusion && !called_for.raytraced_occlusion {
+            let rays = ray_settings(&scene.description().occlusion, 1);
+            all = beside(Self::Raytraced { hair: rays, surface: rays }, all);
+        }
+        all
+    }
+
+    /// Whether hair blocks anything.
+    pub fn blocks(&self) -> bool {
+        match self {
+            Self::Free => false,
+            Self::Beside { counts, .. } => counts.blocks(),
+            _ => true,
+        }
+    }
+
+    /// Whether what counts is found by projection.
+    pub fn projects(&self) -> bool {
+        match self {
+            Self::Beside { counts, .. } => counts.projects(),
+            Self::Projected { .. } | Self::Segments { .. } => true,
+            Self::Free | Self::Raytraced { .. } => false,
+        }
+    }
+
+    /// What it holds for projection, in bytes.
+    pub fn bytes(&self) -> u64 {
+        match self {
+            Self::Free | Self::Raytraced { .. } => 0,
+            Self::Beside { beside, counts } => beside.bytes() + counts.bytes(),
+            Self::Projected { tree, .. } => tree.bytes() as u64,
+            Self::Segments { segments, .. } => segments.bytes() as u64,
         }
     }
 
@@ -131,17 +179,24 @@ impl Estimator {
         gamma.resize(igloo.len(), 0.0);
         match self {
             Self::Free => gamma.fill(1.0),
+            Self::Beside { beside, counts } => {
+                beside.transmittances(model, rays, receiver, igloo, far, open, key, gamma, space);
+                counts.transmittances(model, rays, receiver, igloo, far, open, key, gamma, space);
+            }
             Self::Projected { tree, sphere, hemisphere } => {
+                tally::add(Work::Projections, 1);
                 let Fine { map, opening } = if igloo.span() == Span::Sphere { &**sphere } else { &**hemisphere };
                 let far = (!open).then_some(far);
                 tree.transmittances(model, receiver, map, *opening, far, gamma, &mut space.clusters);
             }
             Self::Segments { segments, thinning, projection } => {
+                tally::add(Work::Projections, 1);
                 let pieces = &mut space.pieces;
                 segments.optical_depths(receiver, igloo, thinning, *projection, far, gamma, model, pieces);
                 layer::transmittances(gamma);
             }
             Self::Raytraced { hair, surface } => {
+                tally::add(Work::RaytracedPoints, 1);
                 let settings = if receiver.on.is_some() { hair } else { surface };
                 // Without hair nothing needs rays.
                 match rays {

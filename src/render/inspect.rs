@@ -55,7 +55,7 @@ pub struct Shading {
     pub faces_not_finite: usize,
     /// Radiance towards the eye: Σ F·Γ̄·Λ̄ over the faces and area lights,
     pub environment: [f32; 3],
-    /// Σ F·Λ̄, without hair, where `output.layers` asks for it (to find it more surfaces are lit, and bits change),
+    /// Σ F·Λ̄, without hair, where `output.layers` asks for it (to find it more surfaces are lit),
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unoccluded: Option<[f32; 3]>,
     /// from point and directional lights,

@@ -2,25 +2,34 @@
 //!
 //! The one place where Γ, Λ and F meet.
 
-use std::time::{Duration, Instant};
+mod fibres;
+mod indirect;
+mod lamps;
+
+use std::cell::Cell;
 
 use glam::{Mat3, Vec3};
 
 use super::RenderError;
+use super::clock::{Clock, Lap, Part};
+use super::costs::{Built, Ledger};
 use super::estimator::{self, Estimator};
+use super::faces;
 use super::progress::Progress;
-use super::shadows::{HairShadow, Made};
-use crate::effects::Effects;
+use super::shadows::{HairShadow, HairShadows, Made};
+use crate::effects::{ABSENT, Effects};
 use crate::embree::Device;
 use crate::hair::{OnStrand, StrandSample};
 use crate::hash::{hash, to_unit};
 use crate::illumination::lights::Incident;
-use crate::illumination::{Environment, Illumination, photon};
+use crate::illumination::{Environment, Illumination};
 use crate::occlusion::{Crossings, HairRays, Igloo, Receiver, Span, frame_around, raytraced};
-use crate::scene::{HairShading, Scene, description};
-use crate::shading::{Faces, Fibre, KajiyaKayFibre, Lambert, Marschner, StrandPoint, marschner};
+use crate::scene::description::EffectName;
+use crate::scene::{HairObject, Scene};
+use crate::shading::{Faces, Fibre, Lambert, StrandPoint};
 use crate::shadow::Point;
 use crate::surface::SurfacePoint;
+use crate::tally::{self, Work};
 
 /// Purpose of the random numbers that place a ray in its face.
 const FACE: u32 = 0x4641_4345;
@@ -30,9 +39,6 @@ const MET: u32 = 0x4D45_5421;
 const TOWARD: u32 = 0x544F_5744;
 /// 2^32 divided by the golden ratio: its multiples modulo 2^32 are evenly spread.
 const GOLDEN: u32 = 0x9e37_79b9;
-
-/// What a face must pass on of a radiance of 1 for its surface to be lit: the faces left out add up to less than half a per cent.
-const WORTH_A_LOOK: f32 = 2e-5;
 
 /// Light of a point, by layer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -49,41 +55,19 @@ pub struct Lit {
     pub occlusion: f32,
 }
 
-/// Time of stage 2 by part.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Clock {
-    pub gamma: Duration,
-    pub lambda: Duration,
-    pub direct: Duration,
-}
-
-impl Clock {
-    /// Adds another clock's times.
-    pub fn add(&mut self, other: &Self) {
-        self.gamma += other.gamma;
-        self.lambda += other.lambda;
-        self.direct += other.direct;
-    }
-
-    /// Multiplies all times.
-    pub(super) fn scale(&mut self, factor: f64) {
-        for time in [&mut self.gamma, &mut self.lambda, &mut self.direct] {
-            *time = time.mul_f64(factor);
-        }
-    }
-}
-
 /// Everything that stage 2 needs of a scene.
 #[derive(Debug)]
 pub struct Lighting<'s> {
     scene: &'s Scene,
+    /// What runs.
     effects: Effects,
+    /// What counts: what runs, less what is forced on though the scene does not call for it.
+    called_for: Effects,
     light: Illumination,
     estimator: Estimator,
     hair_rays: Option<HairRays>,
     /// For each light without extent how hair shadows it, and the maps among that.
-    shadows: Vec<HairShadow>,
-    maps: Vec<Made>,
+    shadows: HairShadows,
     residual: f32,
     /// What crossings of hair do to rays towards area lights and small bright sources.
     crossings: Crossings,
@@ -98,8 +82,10 @@ pub struct Lighting<'s> {
     hemisphere: Igloo,
     /// Mean cosine over each of its faces.
     cosines: Vec<f32>,
-    /// How each hair object reflects.
-    fibres: Vec<Box<dyn Fibre>>,
+    /// How each hair object reflects, and what its time is counted as.
+    fibres: Vec<(Box<dyn Fibre>, Part)>,
+    /// What the structures took.
+    built: Vec<Built>,
 }
 
 /// Buffers that one thread keeps from point to point.
@@ -109,6 +95,8 @@ pub struct Workspace {
     gamma: Vec<f32>,
     hits: Vec<Option<SurfacePoint>>,
     directions: Vec<Vec3>,
+    /// Λ̄ of each face, where some end at surfaces.
+    light: Vec<Vec3>,
     /// F of each face, of a point on hair.
     reflected: Vec<Vec3>,
     means: Vec<Vec3>,
@@ -119,18 +107,31 @@ pub struct Workspace {
 }
 
 impl<'s> Lighting<'s> {
-    /// Builds the structures that the effects call for, and no others.
+    /// Builds the structures that the effects call for and those that the scene forces on beside them, and no others.
     ///
     /// # Errors
     /// Embree's own, shadow maps that take too much memory, and cancelled work.
     pub fn new(scene: &'s mut Scene, effects: Effects, progress: &dyn Progress) -> Result<Self, RenderError> {
         let device = Device::with_threads(rayon::current_num_threads())?;
+        let called_for = effects;
+        let effects = called_for.with(&scene.description().effects.forced);
+        let mut ledger = Ledger::start(&device);
         let surfaces = std::mem::take(&mut scene.surfaces);
+        let held = surfaces.bytes();
         let surfaces = effects.surfaces.then(|| surfaces.into_traceable(&device)).transpose()?;
+        ledger.note(effects.surfaces, EffectName::Surfaces, held);
+        if effects.color_variation {
+            scene.hair.spread_colors();
+            tally::add(Work::PointColors, scene.hair.points.len() as u64);
+        }
+        ledger.note(effects.color_variation, EffectName::ColorVariation, 0);
         let scene = &*scene;
         let settings = &scene.description().occlusion;
         let hair_rays = effects.hair_rays.then(|| estimator::hair_rays(&device, scene)).transpose()?;
-        let (shadows, maps) = HairShadow::build(scene, progress)?;
+        let held = hair_rays.as_ref().map_or(0, HairRays::bytes);
+        ledger.note(effects.hair_rays, EffectName::RaysThroughHair, held);
+        let shadows = HairShadow::build(scene, &called_for, progress)?;
+        ledger.pass();
         let faces = settings.face_count();
         let environment = Environment::new(scene.radiance.clone(), scene.sources.clone(), scene.to_map, faces);
         let light = Illumination::new(environment, scene.direct.clone(), scene.area.clone(), surfaces, faces);
@@ -143,14 +144,21 @@ impl<'s> Lighting<'s> {
             0.5 * (ring.top + ring.bottom)
         };
         let cosines = (0..hemisphere.len()).map(cosine).collect();
-        let fibres = scene.hair_objects.iter().map(|object| fibre(&object.shading, sphere.face_width())).collect();
+        ledger.note(effects.environment, EffectName::Environment, scene.radiance.bytes());
+        let forced = effects.highlight && !called_for.highlight;
+        let fibre = |object: &HairObject| fibres::fibre(&object.shading, sphere.face_width(), forced);
+        let objects = if scene.hair.is_empty() { &[] } else { &scene.hair_objects[..] };
+        let fibres = objects.iter().map(fibre).collect();
+        ledger.note(effects.highlight, EffectName::Highlight, 0);
+        let estimator = Estimator::build(scene, &called_for, &sphere, &hemisphere);
+        ledger.note(called_for.projected_occlusion, EffectName::HairOcclusionByProjection, estimator.bytes());
         Ok(Self {
             effects,
+            called_for,
             light,
-            estimator: Estimator::build(scene, &sphere, &hemisphere),
+            estimator,
             hair_rays,
             shadows,
-            maps,
             residual: settings.residual as f32,
             crossings: estimator::ray_settings(settings, 1).crossings,
             source_samples: scene.description().sampling.area_light_samples,
@@ -160,6 +168,7 @@ impl<'s> Lighting<'s> {
             hemisphere,
             cosines,
             fibres,
+            built: ledger.built,
             scene,
         })
     }
@@ -176,7 +185,7 @@ impl<'s> Lighting<'s> {
 
     /// Light from a point on hair towards the unit direction `view`. `key` names its random numbers.
     pub fn hair(&self, sample: &StrandSample, object: u16, view: Vec3, key: u32, space: &mut Workspace) -> Lit {
-        let fibre = self.fibres[usize::from(object)].as_ref();
+        let (fibre, part) = &self.fibres[usize::from(object)];
         let point = StrandPoint { tangent: sample.tangent, view, color: sample.color };
         let receiver = on_hair(sample);
         let mut lit = Lit { occlusion: 1.0, ..Lit::default() };
@@ -184,13 +193,13 @@ impl<'s> Lighting<'s> {
         if self.gathers_on(object) {
             self.look(&receiver, &self.sphere, key, space);
             self.occlude(&receiver, &self.sphere, key, space);
-            let begin = Instant::now();
+            let mut lap = Lap::start();
             let faces = Faces { centers: &self.centers, solid_angle: self.sphere.face_solid_angle() };
             fibre.reflect_faces(&point, &faces, &mut space.reflected);
-            space.clock.lambda += begin.elapsed();
+            lap.ends(*part, &mut space.clock);
             let means = self.light.means();
-            let Workspace { reflected, hits, gamma, clock, .. } = space;
-            self.sum_faces(&self.sphere, means, key, hits, gamma, clock, |face| reflected[face], &mut lit);
+            let Workspace { reflected, hits, gamma, clock, light, .. } = space;
+            self.sum_faces(&self.sphere, means, key, hits, gamma, light, clock, |face| reflected[face], &mut lit);
             self.area(&receiver, key, space, in_direction, &mut lit);
         }
         self.direct(&Point::on_hair(sample), space, in_direction, &mut lit);
@@ -209,17 +218,16 @@ impl<'s> Lighting<'s> {
         if self.arrives() {
             self.look(&receiver, &self.hemisphere, key, space);
             self.occlude(&receiver, &self.hemisphere, key, space);
-            let begin = Instant::now();
+            let mut lap = Lap::start();
             // Neighbouring points on a plane share their normal.
             if space.means.len() != self.hemisphere.len() || space.means_normal != point.normal {
-                let environment = &self.light.environment;
-                environment.turned_averages(&self.hemisphere, &receiver.frame, &mut space.means);
+                self.turned_means(&receiver.frame, &mut space.means);
                 space.means_normal = point.normal;
             }
-            space.clock.lambda += begin.elapsed();
+            lap.ends(Part::Faces, &mut space.clock);
             let reflect = |face: usize| lambert.evaluate(self.cosines[face]);
-            let Workspace { means, hits, gamma, clock, .. } = space;
-            self.sum_faces(&self.hemisphere, means, key, hits, gamma, clock, reflect, &mut lit);
+            let Workspace { means, hits, gamma, clock, light, .. } = space;
+            self.sum_faces(&self.hemisphere, means, key, hits, gamma, light, clock, reflect, &mut lit);
             self.area(&receiver, key, space, cosine, &mut lit);
         }
         self.direct(&Point::on_surface(receiver.position), space, cosine, &mut lit);
@@ -266,9 +274,19 @@ impl<'s> Lighting<'s> {
         [&self.sphere, &self.hemisphere]
     }
 
-    /// The effects that it was built for.
+    /// The effects that it was built for: what runs.
     pub(super) fn effects(&self) -> Effects {
         self.effects
+    }
+
+    /// What the scene calls for: what runs, less what is only forced on.
+    pub(super) fn called_for(&self) -> Effects {
+        self.called_for
+    }
+
+    /// What its structures took.
+    pub(super) fn built(&self) -> &[Built] {
+        &self.built
     }
 
     /// What rays through hair need; none where the effects do not call for it.
@@ -278,7 +296,7 @@ impl<'s> Lighting<'s> {
 
     /// The shadow maps that were made.
     pub fn maps(&self) -> &[Made] {
-        &self.maps
+        &self.shadows.made
     }
 
     /// Whether any light comes from all around.
@@ -293,11 +311,11 @@ impl<'s> Lighting<'s> {
 
     /// One ray a face: what it meets is the face's Λ, and ends the hair that counts in its Γ.
     fn look(&self, receiver: &Receiver, igloo: &Igloo, key: u32, space: &mut Workspace) {
-        let begin = Instant::now();
+        let mut lap = Lap::start();
         space.far.clear();
         space.far.resize(igloo.len(), f32::INFINITY);
         space.hits.clear();
-        if self.effects.surfaces {
+        if !ABSENT && self.effects.surfaces {
             space.directions.clear();
             space.directions.extend((0..igloo.len()).map(|face| {
                 let jitter = |axis| to_unit(hash(&[FACE, key, face as u32, axis]));
@@ -311,16 +329,16 @@ impl<'s> Lighting<'s> {
                 hits.push(hit);
             });
         }
-        space.clock.lambda += begin.elapsed();
+        lap.ends(Part::Gather, &mut space.clock);
     }
 
     /// Γ̄ of each face.
     fn occlude(&self, receiver: &Receiver, igloo: &Igloo, key: u32, space: &mut Workspace) {
-        let begin = Instant::now();
+        let mut lap = Lap::start();
         let Workspace { far, gamma, estimator, .. } = space;
-        let (hair, rays, open) = (&self.scene.hair, self.hair_rays.as_ref(), !self.effects.surfaces);
+        let (hair, rays, open) = (&self.scene.hair, self.hair_rays.as_ref(), ABSENT || !self.effects.surfaces);
         self.estimator.transmittances(hair, rays, receiver, igloo, far, open, key, gamma, estimator);
-        space.clock.gamma += begin.elapsed();
+        lap.ends(Part::Occlusion, &mut space.clock);
     }
 
     /// Σ F Γ̄ Λ̄ over the faces: environment where the face's ray met nothing, else the surface that it met.
@@ -332,34 +350,39 @@ impl<'s> Lighting<'s> {
         key: u32,
         hits: &[Option<SurfacePoint>],
         gamma: &[f32],
+        light: &mut Vec<Vec3>,
         clock: &mut Clock,
         reflect: impl Fn(usize) -> Vec3,
         lit: &mut Lit,
     ) {
-        let begin = Instant::now();
+        let mut lap = Lap::start();
         let solid_angle = igloo.face_solid_angle();
-        let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
-        for face in 0..igloo.len() {
-            let free = reflect(face) * solid_angle;
-            let weight = free * gamma[face];
-            let radiance = match hits.get(face).and_then(Option::as_ref) {
-                None => means[face],
-                Some(_) if !self.effects.reflection => continue,
-                Some(hit) => {
-                    let wanted = if self.effects.unoccluded_layer { free } else { weight };
-                    if wanted.max_element() < WORTH_A_LOOK {
-                        continue;
-                    }
-                    self.light.reflected(hit, hash(&[MET, key, face as u32]), &hair)
-                }
+        let free = |face: usize| reflect(face) * solid_angle;
+        light.clear();
+        if !hits.is_empty() {
+            let beyond = |(mean, hit): (&Vec3, &Option<SurfacePoint>)| if hit.is_some() { Vec3::ZERO } else { *mean };
+            light.extend(means.iter().zip(hits).map(beyond));
+        }
+        if !ABSENT && self.effects.reflection {
+            lap.ends(Part::Faces, clock);
+            self.light_surfaces(free, key, hits, gamma, light);
+            lap.ends(Part::Reflection, clock);
+        }
+        if self.effects.environment {
+            tally::add(Work::EnvironmentFaces, igloo.len() as u64);
+        }
+        if self.effects.environment || self.effects.reflection {
+            let light = if hits.is_empty() { means } else { light };
+            let sum = if !ABSENT && self.effects.unoccluded_layer {
+                faces::sum::<true>(free, gamma, light, hits)
+            } else {
+                faces::sum::<false>(free, gamma, light, hits)
             };
-            lit.environment += weight * radiance;
-            if self.effects.unoccluded_layer {
-                lit.unoccluded += free * radiance;
-            }
+            lit.environment += sum[0];
+            lit.unoccluded += sum[1];
         }
         lit.occlusion = gamma.iter().sum::<f32>() / igloo.len() as f32;
-        clock.lambda += begin.elapsed();
+        lap.ends(Part::Faces, clock);
     }
 
     /// Area lights and the environment's small bright sources, through surfaces and hair by a ray a sample: Γ̄ of a face cannot tell where in
@@ -372,14 +395,16 @@ impl<'s> Lighting<'s> {
         reflect: impl Fn(Vec3) -> Vec3,
         lit: &mut Lit,
     ) {
-        if !self.effects.area_lights && !self.effects.small_sources && !self.effects.photons {
+        if ABSENT || !self.effects.area_lights && !self.effects.small_sources && !self.effects.photons {
             return;
         }
-        let begin = Instant::now();
+        let mut lap = Lap::start();
         let shift = hash(&[TOWARD, key]);
+        let samples = Cell::new(0_u64);
         let mut ray = 0_u32;
         let mut add = |incident: &Incident| {
             let Incident { toward, distance, irradiance } = *incident;
+            samples.set(samples.get() + 1);
             let free = reflect(toward) * irradiance;
             // Golden steps through all samples: neighbours get numbers far apart.
             ray = ray.wrapping_add(GOLDEN);
@@ -391,66 +416,35 @@ impl<'s> Lighting<'s> {
             lit.environment += free * self.occluded(&along, chance);
             lit.unoccluded += free;
         };
-        self.light.area_light(receiver.position, self.area_samples, key, &mut add);
-        self.light.source_light(self.source_samples, key, &mut add);
-        self.light.hot_light(receiver.position, self.source_samples, key, &mut add);
-        space.clock.lambda += begin.elapsed();
+        if self.effects.area_lights {
+            self.light.area_light(receiver.position, self.area_samples, key, &mut add);
+            tally::add(Work::AreaLight, samples.take());
+            lap.ends(Part::AreaLights, &mut space.clock);
+        }
+        if self.effects.small_sources {
+            self.light.source_light(self.source_samples, key, &mut add);
+            tally::add(Work::SmallSources, samples.take());
+            lap.ends(Part::SmallSources, &mut space.clock);
+        }
+        if self.effects.photons {
+            self.light.hot_light(receiver.position, self.source_samples, key, &mut add);
+            lap.ends(Part::HotSpots, &mut space.clock);
+        }
     }
 
     /// Γ along a ray: 1 without hair occlusion.
     fn occluded(&self, ray: &raytraced::Ray, chance: f64) -> f32 {
         match &self.hair_rays {
-            Some(hair) if !matches!(self.estimator, Estimator::Free) => {
+            Some(hair) if self.estimator.blocks() => {
                 hair.transmittance_by(&self.scene.hair, ray, self.crossings, chance)
             }
             _ => 1.0,
         }
     }
 
-    /// Lights without extent: through surfaces by a ray each, through hair as each of them asks for.
-    fn direct(&self, point: &Point, space: &mut Workspace, reflect: impl Fn(Vec3) -> Vec3, lit: &mut Lit) {
-        if !self.effects.direct_lights {
-            return;
-        }
-        let begin = Instant::now();
-        let position = point.position;
-        for (lamp, shadow) in self.light.direct.iter().zip(&self.shadows) {
-            let Some(Incident { toward, distance, irradiance }) = lamp.light.incident(position) else { continue };
-            let reflected = reflect(toward) * irradiance;
-            if reflected == Vec3::ZERO || lamp.blocked && !self.light.sees(position, toward, distance) {
-                continue;
-            }
-            let on = point.hair.map(|(on, _)| on);
-            let rays = || self.through_hair(position, toward, distance, on);
-            lit.direct += reflected * shadow.transmittance(point, rays);
-        }
-        space.clock.direct += begin.elapsed();
-    }
-
     /// What hair leaves of the light from surface to surface. Without hair occlusion hair does not dim what surfaces reflect either.
     fn between_surfaces(&self, origin: Vec3, direction: Vec3, far: f32) -> f32 {
-        if matches!(self.estimator, Estimator::Free) { 1.0 } else { self.through_hair(origin, direction, far, None) }
-    }
-
-    /// Traces the photons that the scene asks for. After [`settle`](super::settle): whether hair dims them is the estimator's to say.
-    ///
-    /// # Errors
-    /// Cancelled work.
-    pub fn trace_photons(&mut self, progress: &dyn Progress) -> Result<(), RenderError> {
-        let description = self.scene.description();
-        let settings = photon::Settings {
-            photons: description.indirect.photons,
-            max_bounces: description.indirect.max_bounces,
-            neighbours: description.indirect.neighbours,
-            seed: description.sampling.seed,
-        };
-        let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
-        let map = self.light.photon_map(&settings, &hair, &|| progress.cancelled());
-        if progress.cancelled() {
-            return Err(RenderError::Cancelled);
-        }
-        self.light.set_photons(map);
-        Ok(())
+        if self.estimator.blocks() { self.through_hair(origin, direction, far, None) } else { 1.0 }
     }
 
     /// What hair leaves of the light along a ray.
@@ -458,21 +452,6 @@ impl<'s> Lighting<'s> {
         self.hair_rays.as_ref().map_or(1.0, |hair| {
             hair.transmittance(&self.scene.hair, &raytraced::Ray { origin, direction, far, on }, self.residual)
         })
-    }
-}
-
-/// The model of reflection that a hair object asks for.
-fn fibre(shading: &HairShading, face_width: f32) -> Box<dyn Fibre> {
-    match *shading {
-        HairShading::KajiyaKay { specular, exponent } => Box::new(KajiyaKayFibre::new(specular, exponent, face_width)),
-        HairShading::Marschner { color_is, roughness: [longitudinal, azimuthal], tilt, ior } => {
-            let color_is = match color_is {
-                description::ColorIs::Strand => marschner::ColorIs::Strand,
-                description::ColorIs::DenseHair => marschner::ColorIs::DenseHair,
-            };
-            let parameters = marschner::Parameters { longitudinal, azimuthal, tilt, ior, color_is };
-            Box::new(Marschner::new(parameters, face_width))
-        }
     }
 }
 

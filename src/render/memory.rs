@@ -17,14 +17,16 @@ use crate::illumination::photon;
 use crate::image;
 use crate::occlusion::ClusterTree;
 use crate::scene::Document;
-use crate::scene::description::{IndirectMode, OcclusionMode, Shadows, Surface};
+use crate::scene::description::{self, EffectName, IndirectMode, OcclusionMode, Shadows, Surface};
 
 /// The program, its libraries and their buffers.
 const PROGRAM: u64 = 120 << 20;
 /// What a thread keeps from tile to tile and from point to point.
 const THREAD: u64 = 4 << 20;
-/// A point of the model of all hair: position, colour, width, length along the strand; and the segment that begins there.
-const MODEL_POINT: u64 = 32 + 12;
+/// A point of the model of all hair: position, width, length along the strand; and the segment that begins there.
+const MODEL_POINT: u64 = 20 + 12;
+/// Its colour, where some object's varies.
+const POINT_COLOR: u64 = 12;
 /// A segment for rays: vertex of four floats, index, depth, and Embree's tree while it is built, as measured.
 const RAY_SEGMENT: u64 = 24 + 76;
 /// A triangle and its share of vertices as they are held, and Embree's tree while it is built, as measured.
@@ -148,6 +150,8 @@ struct Hair {
 /// What is in a scene.
 struct Counts {
     hair: Vec<Hair>,
+    /// Bytes of a point of the model of all hair.
+    model_point: u64,
     /// What each surface is, its triangles and the bytes of its file.
     surfaces: Vec<(String, u64, u64)>,
     /// What the environment map is, its pixels and all its floats.
@@ -183,7 +187,15 @@ impl Counts {
             let what = format!("environment.file ({}x{} pixels)", info.width, info.height);
             Some((what, pixels.min(floats), floats))
         });
-        Self { hair: hair.collect(), surfaces: surfaces.collect(), map }
+        let one_color = |hair: &description::Hair| match &hair.grow {
+            Some(grow) => grow.color_variation == 0.0,
+            // A file may have colours of its own.
+            None => hair.color.is_some(),
+        };
+        let varies =
+            !description.hair.iter().all(one_color) || description.effects.forced.contains(&EffectName::ColorVariation);
+        let model_point = MODEL_POINT + if varies { POINT_COLOR } else { 0 };
+        Self { hair: hair.collect(), model_point, surfaces: surfaces.collect(), map }
     }
 
     /// Points of all hair.
@@ -196,7 +208,7 @@ impl Counts {
         let mut sum = Estimate::default();
         sum.add("the program itself", PROGRAM);
         // Written hair is joined to one; hair that is drawn is copied into the model.
-        let copy = if work == Work::Grow { 40 } else { MODEL_POINT };
+        let copy = if work == Work::Grow { 40 } else { self.model_point };
         let largest = self.hair.iter().filter(|hair| hair.grown).map(|hair| hair.extent.bytes).max().unwrap_or(0);
         let reading = self.hair.iter().map(|hair| hair.extent.file_bytes).max().unwrap_or(0);
         for hair in &self.hair {
@@ -224,7 +236,7 @@ impl Counts {
         let mut sum = Estimate::default();
         sum.add("the program itself", PROGRAM + THREAD * threads as u64);
         for hair in &self.hair {
-            sum.add(&*hair.what, MODEL_POINT * hair.extent.points);
+            sum.add(&*hair.what, self.model_point * hair.extent.points);
         }
         if points > 0 && matches!(mode, OcclusionMode::Igloo | OcclusionMode::Auto) {
             // Ordering takes 16 bytes a segment.

@@ -1,9 +1,12 @@
 //! The renderer: brings fragments, Γ, Λ and F together into a picture.
 
 mod calibration;
+mod clock;
+pub mod costs;
 pub mod cpu;
 mod draw;
 mod estimator;
+mod faces;
 pub mod film;
 mod inspect;
 mod lighting;
@@ -12,6 +15,7 @@ pub mod memory;
 pub mod output;
 mod passes;
 mod pipeline;
+pub mod plan;
 pub mod progress;
 mod shadows;
 pub mod statistics;

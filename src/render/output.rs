@@ -169,6 +169,12 @@ fn metadata(scene: &Scene, statistics: &Statistics) -> Vec<(String, MetaValue)> 
         ("worldToCamera".to_owned(), MetaValue::Matrix(row_vectors(&to_camera))),
         ("worldToNDC".to_owned(), MetaValue::Matrix(row_vectors(&to_screen))),
     ];
+    for (name, choice) in [("without", &description.effects.without), ("with", &description.effects.forced)] {
+        if !choice.is_empty() {
+            let names: Vec<String> = choice.iter().map(ToString::to_string).collect();
+            metadata.push((format!("tress:effects.{name}"), text(&names.join(" "))));
+        }
+    }
     if let Some(settled) = &statistics.occlusion {
         metadata.push(("tress:occlusionFound".to_owned(), json(serde_json::to_string(settled))));
     }

@@ -4,8 +4,10 @@ use rayon::prelude::*;
 
 use super::RenderError;
 use super::calibration::settle;
+use super::clock::Clock;
+use super::costs::Measured;
 use super::film::{Film, Pixel};
-use super::lighting::{Clock, Lighting};
+use super::lighting::Lighting;
 use super::pipeline::{Options, tiles};
 use super::progress::Progress;
 use super::statistics::{Statistics, Watch};
@@ -14,6 +16,7 @@ use crate::effects::Effects;
 use crate::fragment::{Bins, PixelRect, TileGrid};
 use crate::hash::hash;
 use crate::scene::Scene;
+use crate::tally;
 
 /// Purpose of the random numbers that are the passes' seeds.
 const PASS: u32 = 0x5041_5353;
@@ -32,6 +35,7 @@ pub struct Prepared<'s> {
     grid: TileGrid,
     bins: Bins,
     statistics: Statistics,
+    clock: Clock,
     marked: Vec<[u32; 2]>,
 }
 
@@ -51,6 +55,8 @@ impl<'s> Prepared<'s> {
     /// # Errors
     /// As [`super::render`].
     pub fn new(scene: &'s mut Scene, options: &Options, progress: &dyn Progress) -> Result<Self, RenderError> {
+        // What was counted before is another's.
+        let _ = tally::take();
         let watch = Watch::start();
         progress.stage("building", 0);
         let effects = Effects::of(scene);
@@ -58,11 +64,12 @@ impl<'s> Prepared<'s> {
             segments: scene.hair.segments() as u64,
             triangles: scene.surfaces.triangles() as u64,
             threads: rayon::current_num_threads(),
-            effects: effects.list(&scene.description().effects.without),
+            effects: effects.list(&scene.description().effects),
             notes: scene.notes.clone(),
             ..Statistics::default()
         };
         let mut lighting = Lighting::new(scene, effects, progress)?;
+        let effects = lighting.effects();
         statistics.shadow_maps = lighting.maps().to_vec();
         statistics.stage("building", &watch);
         let watch = Watch::start();
@@ -76,12 +83,14 @@ impl<'s> Prepared<'s> {
             lighting.trace_photons(progress)?;
             statistics.stage("tracing photons", &watch);
         }
+        lighting.force_estimators();
         let watch = Watch::start();
         let full_size = lighting.scene().camera.resolution();
         let window = options.window.unwrap_or(PixelRect::image(full_size));
         let (grid, bins) = tiles(&Frame::new(&lighting), window)?;
         statistics.stage("binning", &watch);
-        Ok(Self { lighting, full_size, grid, bins, statistics, marked: Vec::new() })
+        statistics.work = tally::take();
+        Ok(Self { lighting, full_size, grid, bins, statistics, clock: Clock::default(), marked: Vec::new() })
     }
 
     /// The scene, its surfaces taken out.
@@ -139,12 +148,23 @@ impl<'s> Prepared<'s> {
         }
         film.mend(&self.marked);
         let parts = &mut self.statistics.cpu_seconds;
-        parts.gamma += clock.gamma.as_secs_f64();
-        parts.lambda += clock.lambda.as_secs_f64();
-        parts.direct += clock.direct.as_secs_f64();
+        parts.gamma += clock.gamma().as_secs_f64();
+        parts.lambda += clock.lambda().as_secs_f64();
+        parts.direct += clock.direct().as_secs_f64();
+        self.clock.add(&clock);
         self.statistics.mean = film.mean_beauty().to_array();
         self.statistics.passes += 1;
         self.statistics.stage("rendering", &watch);
+        self.statistics.work.add(&tally::take());
+        let measured = Measured {
+            built: self.lighting.built(),
+            clock: &self.clock,
+            maps: self.lighting.maps(),
+            hair: &self.lighting.scene().hair,
+            bins: self.bins.bytes(),
+            projects: self.lighting.estimator().projects(),
+        };
+        self.statistics.costs = measured.costs(&self.statistics);
         Ok(film)
     }
 

@@ -1,17 +1,20 @@
 //! What hair leaves of the light of each point, spot and directional light, in the way that the scene asks for.
 
-use std::time::Instant;
+use std::sync::Arc;
 
 use serde::Serialize;
 
 use super::RenderError;
 use super::estimator::transmittance_rule;
 use super::progress::Progress;
+use super::statistics::Watch;
+use crate::effects::Effects;
 use crate::illumination::DirectLight;
 use crate::scene::Scene;
 use crate::scene::description::Shadows;
 use crate::scene::loaded::LampShadows;
 use crate::shadow::{Cone, DeepMap, MapError, Point, Settings, ShadowMap, Size, View};
+use crate::tally::{self, Work};
 
 /// How hair's shadow of one light is found.
 #[derive(Debug)]
@@ -32,6 +35,18 @@ pub struct Made {
     pub size: Size,
     /// Wall time, in seconds.
     pub seconds: f64,
+    /// CPU time, in seconds.
+    pub cpu_seconds: f64,
+    /// Whether it is a deep one.
+    pub deep: bool,
+}
+
+/// How hair's shadows of each light are found, on each kind of thing, and the maps among that.
+#[derive(Debug, Default)]
+pub struct HairShadows {
+    pub on_hair: Vec<Arc<HairShadow>>,
+    pub on_surfaces: Vec<Arc<HairShadow>>,
+    pub made: Vec<Made>,
 }
 
 impl HairShadow {
@@ -39,12 +54,20 @@ impl HairShadow {
     ///
     /// # Errors
     /// Maps that take too much memory; cancelled work.
-    pub fn build(scene: &Scene, progress: &dyn Progress) -> Result<(Vec<Self>, Vec<Made>), RenderError> {
-        let mut made = Vec::new();
-        let lamps = scene.direct.iter().zip(&scene.shadows);
-        let shadows: Result<_, _> =
-            lamps.map(|(lamp, shadows)| Self::of(scene, &lamp.light, shadows, &mut made, progress)).collect();
-        Ok((shadows?, made))
+    pub fn build(scene: &Scene, effects: &Effects, progress: &dyn Progress) -> Result<HairShadows, RenderError> {
+        let mut all = HairShadows::default();
+        let [on_hair, on_surfaces] = [effects.hair_shadows_on_hair, effects.hair_shadows_on_surfaces];
+        for (lamp, shadows) in scene.direct.iter().zip(&scene.shadows) {
+            let free = Arc::new(Self::Free);
+            let found = if on_hair || on_surfaces {
+                Arc::new(Self::of(scene, &lamp.light, shadows, &mut all.made, progress)?)
+            } else {
+                free.clone()
+            };
+            all.on_hair.push(if on_hair { found.clone() } else { free.clone() });
+            all.on_surfaces.push(if on_surfaces { found } else { free });
+        }
+        Ok(all)
     }
 
     fn of(
@@ -61,7 +84,7 @@ impl HairShadow {
         if shadows.mode == Shadows::Raytraced {
             return Ok(Self::Rays);
         }
-        let begin = Instant::now();
+        let watch = Watch::start();
         let view = match *light {
             DirectLight::Point { position, .. } => View::from_point(hair, position, None),
             DirectLight::Spot { position, axis, outer, .. } => {
@@ -76,7 +99,8 @@ impl HairShadow {
         };
         let cancelled = || progress.cancelled();
         let rule = transmittance_rule(scene);
-        let (map, size) = if shadows.mode == Shadows::DeepMap {
+        let deep = shadows.mode == Shadows::DeepMap;
+        let (map, size) = if deep {
             let map = DeepMap::build(view, hair, rule, &settings, &cancelled).map_err(failed)?;
             let size = map.size();
             (Self::Deep(Box::new(map)), size)
@@ -85,14 +109,19 @@ impl HairShadow {
             let size = map.size();
             (Self::Plain(Box::new(map)), size)
         };
-        made.push(Made { light: shadows.key.clone(), size, seconds: begin.elapsed().as_secs_f64() });
+        let stage = watch.stage("map");
+        let (seconds, cpu_seconds) = (stage.seconds, stage.cpu_seconds);
+        made.push(Made { light: shadows.key.clone(), size, seconds, cpu_seconds, deep });
         Ok(map)
     }
 
     /// What hair leaves of the light at a point; `rays` finds it by a ray.
     pub fn transmittance(&self, point: &Point, rays: impl FnOnce() -> f32) -> f32 {
         match self {
-            Self::Rays => rays(),
+            Self::Rays => {
+                tally::add(Work::RaytracedShadows, 1);
+                rays()
+            }
             Self::Deep(map) => map.transmittance(point),
             Self::Plain(map) => map.transmittance(point),
             Self::Free => 1.0,

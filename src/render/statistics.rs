@@ -5,9 +5,11 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use super::calibration::Settled;
+use super::costs::Cost;
 use super::cpu;
 use super::shadows::Made;
 use crate::effects::Effect;
+use crate::tally::Counts;
 
 /// A value that was not finite, and where.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -44,6 +46,13 @@ impl Watch {
     #[must_use]
     pub fn start() -> Self {
         Self { begin: Instant::now(), cpu: cpu::process() }
+    }
+
+    /// CPU seconds of the process since its start, and starts it again.
+    pub fn lap(&mut self) -> f64 {
+        let seconds = cpu::process().saturating_sub(self.cpu).as_secs_f64();
+        *self = Self::start();
+        seconds
     }
 
     /// Wall time since its start.
@@ -108,6 +117,13 @@ pub struct Statistics {
     /// The first few of them.
     pub non_finite_examples: Vec<NonFinite>,
     pub effects: Vec<Effect>,
+    /// What each of them took.
+    pub costs: Vec<Cost>,
+    /// CPU seconds that were expected in all, loading and writing left out; none unless asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub planned_cpu_seconds: Option<f64>,
+    /// Work that was done, of all kinds.
+    pub work: Counts,
     /// What was worth telling about the files that the scene names.
     pub notes: Vec<String>,
     /// How hair occlusion was found, where its accuracy decided.

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use glam::Vec3;
 
+use super::clock::{Clock, Lap, Part};
 use super::cpu;
 use super::estimator::transmittance_rule;
 use super::film::{EMPTY_DEPTH, Pixel};
@@ -11,6 +12,7 @@ use super::lighting::{Lighting, Lit, Workspace};
 use super::progress::Progress;
 use super::statistics::NonFinite;
 use crate::camera::Camera;
+use crate::effects::ABSENT;
 use crate::fragment::{
     HairFragment, HairSegment, MIN_WEIGHT, PixelLayers, PixelRect, Rank, Shaded, SurfaceHit, SurfacePixel, scan_convert,
 };
@@ -20,6 +22,7 @@ use crate::occlusion::Transmittance;
 use crate::scene::Scene;
 use crate::scene::description::{Layer, LayerChoice};
 use crate::surface::{SurfacePoint, Surfaces};
+use crate::tally::{self, Work};
 use crate::z_order::z_order;
 
 /// Half the side of the cube in which points are lit in spatial order, in render units: neighbours share their way through trees.
@@ -81,7 +84,7 @@ pub(super) struct Tile {
     pub hair_points: u64,
     pub surface_points: u64,
     pub fragment_time: Duration,
-    pub clock: super::lighting::Clock,
+    pub clock: Clock,
     pub non_finite: Vec<NonFinite>,
     /// CPU time of each pixel, in microseconds; empty unless wanted.
     pub costs: Vec<f32>,
@@ -132,10 +135,10 @@ impl<'a> Frame<'a> {
         }
         let (begin, cpu) = (Instant::now(), cpu::thread());
         let mut tile = Tile::default();
+        space.workspace.clock = Clock::default();
         self.collect_points(rect, segments, space, &mut tile);
         tile.fragment_time = begin.elapsed();
         let mut times = vec![Duration::ZERO; if self.costs { tile.pixels.len() } else { 0 }];
-        space.workspace.clock = super::lighting::Clock::default();
         let mut lit = vec![Lit::default(); space.points.len()];
         space.order.clear();
         space
@@ -179,6 +182,7 @@ impl<'a> Frame<'a> {
         // Stable: the fragments of a pixel stay in the order of their segments.
         space.fragments.sort_by_key(|(pixel, _)| *pixel);
         tile.fragments = space.fragments.len() as u64;
+        tally::add(Work::HairFragments, tile.fragments);
         let mut next = 0;
         for index in 0..width * (rect.max[1] - rect.min[1]) {
             let end = next + space.fragments[next..].partition_point(|(pixel, _)| *pixel == index);
@@ -194,13 +198,15 @@ impl<'a> Frame<'a> {
     }
 
     fn collect_pixel(&self, index: u32, pixel: [u32; 2], space: &mut TileSpace) -> Pixel {
-        let TileSpace { hair, surfaces, met, layers, shaded, points, .. } = space;
+        let TileSpace { hair, surfaces, met, layers, shaded, points, workspace, .. } = space;
         surfaces.samples.clear();
         surfaces.groups.clear();
-        if let Some(scene) = &self.lighting.illumination().surfaces {
+        if let Some(scene) = self.lighting.illumination().surfaces.as_ref().filter(|_| !ABSENT) {
+            let mut lap = Lap::start();
             met.clear();
             let hit = |origin, direction| self.camera_ray(scene, origin, direction, met);
             surfaces.gather(self.camera(), pixel, self.per_side, self.seed, hit);
+            lap.ends(Part::CameraRays, &mut workspace.clock);
         }
         let transparency = |fragment: &HairFragment| self.transparency(fragment);
         layers.composite(hair, transparency, &surfaces.samples, surfaces.groups.len());

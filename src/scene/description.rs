@@ -33,7 +33,7 @@ pub struct Description {
     pub occlusion: Occlusion,
     /// Light that surfaces reflect on hair and on each other.
     pub indirect: Indirect,
-    /// Effects that are left out, whatever the scene calls for.
+    /// Effects that are left out or forced on, whatever the scene calls for.
     pub effects: EffectChoice,
     /// How finely the picture is sampled.
     pub sampling: Sampling,
@@ -776,15 +776,18 @@ pub enum IndirectMode {
     None,
 }
 
-/// Which effects are left out. `tress plan` lists all effects of a scene.
+/// Which effects are left out or forced on. `tress plan` lists all effects of a scene, and why each is on or off.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct EffectChoice {
     /// Effects to be left out; nothing of theirs is built or computed.
     pub without: Vec<EffectName>,
+    /// Effects to be run although the scene does not call for them: over what there is, or over nothing. They change no pixel, and cost time.
+    #[serde(rename = "with")]
+    pub forced: Vec<EffectName>,
 }
 
-/// An effect that can be left out.
+/// An effect, or a group of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum EffectName {
@@ -798,16 +801,48 @@ pub enum EffectName {
     SmallBrightSources,
     /// Light from area lights; they are still seen.
     AreaLights,
-    /// Light from point and directional lights.
+    /// All three of `point-lights`, `spot-lights` and `directional-lights`.
     PointAndDirectionalLights,
+    /// Light from point lights.
+    PointLights,
+    /// Light from spot lights.
+    SpotLights,
+    /// Light from directional lights.
+    DirectionalLights,
+    /// Shadows by rays, of the lights that have them; without them their light goes through everything.
+    RayTracedShadows,
+    /// Shadows of hair by deep shadow maps, of the lights that have them; surfaces still block their light.
+    DeepShadowMaps,
+    /// Shadows of hair by plain shadow maps, of the lights that have them; surfaces still block their light.
+    ShadowMaps,
+    /// What hair takes from the light of point, spot and directional lights on hair.
+    HairShadowsOnHair,
+    /// The same on surfaces.
+    HairShadowsOnSurfaces,
     /// Light that surfaces reflect; as `indirect.mode = "none"`.
     LightReflectedBySurfaces,
     /// Light that surfaces reflect more than once; as `indirect.mode = "single-bounce"`.
     MoreThanOneReflection,
-    /// Hair that blocks light from around; as `occlusion.mode = "none"`.
+    /// Hair that blocks light from around; as `occlusion.mode = "none"`. Both of `hair-occlusion-by-projection` and `hair-occlusion-by-rays`.
     HairOcclusion,
-    /// Highlights of hair.
+    /// Hair occlusion by projection: left out, rays remain where `occlusion.mode` is `auto`.
+    HairOcclusionByProjection,
+    /// Hair occlusion by rays: left out, projection remains where `occlusion.mode` is `auto`.
+    HairOcclusionByRays,
+    /// Settings of hair occlusion found on the scene. Not to be left out: `occlusion.opening`, `thinning` or `rays` takes its place.
+    SettingsByAccuracy,
+    /// What rays need to go through hair. Not to be left out: it follows from the others.
+    RaysThroughHair,
+    /// Hair of `shading = "kajiya-kay"`. Not to be left out: hair reflects in some way.
+    KajiyaKay,
+    /// Highlights of such hair.
     Highlight,
+    /// Hair of `shading = "marschner"`. Not to be left out: hair reflects in some way.
+    Marschner,
+    /// Colours that vary from strand to strand or along them; without them each hair object has the mean of its points.
+    ColorVariation,
+    /// The layer `environment-unoccluded`.
+    UnoccludedLayer,
 }
 
 /// Thinning of the hair for Γ. Strands are chosen by a hash, so that a smaller set is inside a larger one.

@@ -30,6 +30,7 @@ pub(crate) fn validate(description: &Description, spans: &Spans, base_dir: &Path
     validator.lights();
     validator.occlusion();
     validator.output();
+    validator.effects();
     validator.whole();
     validator.found
 }
@@ -385,6 +386,22 @@ impl Validator<'_> {
         if output.file.as_ref().is_some_and(|file| file.as_os_str().is_empty()) {
             let key = path.key("file");
             self.error(&key, format!("{key} is empty; give the path of a picture or leave it out"));
+        }
+    }
+
+    fn effects(&mut self) {
+        let choice = &self.description.effects;
+        let path = KeyPath::root().key("effects").key("without");
+        for (index, name) in choice.without.iter().enumerate() {
+            let path = path.index(index);
+            if let Some(instead) = name.not_left_out() {
+                self.error(&path, format!("{path}: {name} cannot be left out: {instead}"));
+            }
+        }
+        let both = |part: &&EffectName| choice.without.iter().flat_map(EffectName::parts).any(|other| other == *part);
+        if let Some(part) = choice.forced.iter().flat_map(EffectName::parts).find(both) {
+            let path = KeyPath::root().key("effects").key("with");
+            self.error(&path, format!("{path} and effects.without both have {part}: force it on or leave it out"));
         }
     }
 

@@ -11,6 +11,7 @@ use glam::Vec3;
 use statrs::function::gamma::ln_gamma;
 
 use super::fibre::{Faces, Fibre, Sampled, StrandPoint};
+use crate::tally::{self, Work};
 
 /// The highlight's shape for one exponent.
 #[derive(Clone, Debug)]
@@ -25,6 +26,7 @@ const STEPS: usize = 128;
 impl Highlight {
     /// A highlight with this exponent (1 or more).
     pub fn new(exponent: f32) -> Self {
+        tally::add(Work::HighlightTables, 1);
         let exponent = exponent.max(1.0);
         let normalisation = (0..=STEPS)
             .map(|i| {
@@ -114,16 +116,61 @@ impl<'a> KajiyaKay<'a> {
     pub fn evaluate(&self, incoming: Vec3) -> Vec3 {
         let cos_in = self.tangent.dot(incoming).clamp(-1.0, 1.0);
         let sin_in = sine(cos_in);
-        let diffuse = self.diffuse * (sin_in / (PI * PI));
-        if self.specular == Vec3::ZERO {
-            return diffuse;
-        }
+        let diffuse = diffuse(self.diffuse, sin_in);
         let cosine = sin_in * self.sin_out - cos_in * self.cos_out;
         if cosine <= 0.0 {
             return diffuse;
         }
         diffuse + self.specular * (cosine.powf(self.highlight.exponent) * self.scale)
     }
+}
+
+/// The diffuse term at a sine of the angle to the tangent.
+#[inline]
+fn diffuse(color: Vec3, sin_in: f32) -> Vec3 {
+    color * (sin_in / (PI * PI))
+}
+
+/// Such hair without a highlight: the diffuse term alone, without tables and powers. The same bits as a [`KajiyaKayFibre`] whose highlight is black.
+#[derive(Clone, Copy, Debug)]
+pub struct DiffuseFibre;
+
+impl Fibre for DiffuseFibre {
+    fn reflect(&self, at: &StrandPoint, incoming: Vec3) -> Vec3 {
+        tally::add(Work::KajiyaKay, 1);
+        diffuse(at.color, sine(at.tangent.dot(incoming).clamp(-1.0, 1.0)))
+    }
+
+    fn reflect_faces(&self, at: &StrandPoint, faces: &Faces, reflected: &mut Vec<Vec3>) {
+        tally::add(Work::KajiyaKay, faces.centers.len() as u64);
+        let point = |center: &Vec3| diffuse(at.color, sine(at.tangent.dot(*center).clamp(-1.0, 1.0)));
+        reflected.clear();
+        reflected.extend(faces.centers.iter().map(point));
+    }
+
+    fn sample(&self, at: &StrandPoint, random: [f32; 4]) -> Option<Sampled> {
+        let incoming = around(at.tangent, coordinate(2.0, random[1], random[2]), random[3]);
+        let density = self.density(at, incoming);
+        (density > 0.0).then(|| Sampled { incoming, reflected: self.reflect(at, incoming), density })
+    }
+
+    fn density(&self, at: &StrandPoint, incoming: Vec3) -> f32 {
+        let sin = sine(at.tangent.dot(incoming).clamp(-1.0, 1.0));
+        if at.color == Vec3::ZERO { 0.0 } else { sin / (PI * PI) }
+    }
+}
+
+/// The first coordinate of a uniform point on the sphere of p + 2 dimensions (Ulrich 1984): density (1 - t²)^((p-1)/2).
+fn coordinate(p: f32, u: f32, v: f32) -> f32 {
+    (1.0 - u.powf(2.0 / p)).max(0.0).sqrt() * (2.0 * PI * v).cos()
+}
+
+/// A direction at this cosine to the tangent, turned around it by a number in [0, 1).
+fn around(tangent: Vec3, cos: f32, turn: f32) -> Vec3 {
+    let sin = sine(cos.clamp(-1.0, 1.0));
+    let (y, x) = (2.0 * PI * turn).sin_cos();
+    let (across, aside) = tangent.any_orthonormal_pair();
+    (tangent * cos + (across * x + aside * y) * sin).normalize()
 }
 
 /// Hair that reflects by Kajiya and Kay. A point's colour is its diffuse reflectance.
@@ -169,10 +216,12 @@ impl KajiyaKayFibre {
 
 impl Fibre for KajiyaKayFibre {
     fn reflect(&self, at: &StrandPoint, incoming: Vec3) -> Vec3 {
+        evaluated(1);
         self.at(at, &self.narrow).evaluate(incoming)
     }
 
     fn reflect_faces(&self, at: &StrandPoint, faces: &Faces, reflected: &mut Vec<Vec3>) {
+        evaluated(faces.centers.len());
         let point = self.at(at, &self.broad);
         reflected.clear();
         reflected.extend(faces.centers.iter().map(|&center| point.evaluate(center)));
@@ -180,8 +229,7 @@ impl Fibre for KajiyaKayFibre {
 
     fn sample(&self, at: &StrandPoint, random: [f32; 4]) -> Option<Sampled> {
         let diffuse = random[0] < self.diffuse_share(at)?;
-        // The first coordinate of a uniform point on the sphere of p + 2 dimensions (Ulrich 1984): density (1 - t²)^((p-1)/2).
-        let coordinate = |p: f32| (1.0 - random[1].powf(2.0 / p)).max(0.0).sqrt() * (2.0 * PI * random[2]).cos();
+        let coordinate = |p: f32| coordinate(p, random[1], random[2]);
         let cos = if diffuse {
             // sin² θ dθ is √(1 - t²) dt in t = cos θ.
             coordinate(2.0)
@@ -190,10 +238,7 @@ impl Fibre for KajiyaKayFibre {
             let peak = PI - at.tangent.dot(at.view).clamp(-1.0, 1.0).acos();
             (peak + coordinate(self.narrow.exponent).asin()).cos()
         };
-        let sin = sine(cos.clamp(-1.0, 1.0));
-        let (y, x) = (2.0 * PI * random[3]).sin_cos();
-        let (across, aside) = at.tangent.any_orthonormal_pair();
-        let incoming = (at.tangent * cos + (across * x + aside * y) * sin).normalize();
+        let incoming = around(at.tangent, cos, random[3]);
         let density = self.density(at, incoming);
         (density > 0.0).then(|| Sampled { incoming, reflected: self.reflect(at, incoming), density })
     }
@@ -207,6 +252,11 @@ impl Fibre for KajiyaKayFibre {
         let specular = self.lobe_density(cos.acos(), peak) / (2.0 * PI * sin.max(1e-6));
         share * sin / (PI * PI) + (1.0 - share) * specular
     }
+}
+
+fn evaluated(directions: usize) {
+    tally::add(Work::KajiyaKay, directions as u64);
+    tally::add(Work::Highlight, directions as u64);
 }
 
 /// √(1 - c²) as √((1 - c)(1 + c)): no cancellation next to ±1.
@@ -284,6 +334,30 @@ mod tests {
             }
         }
         assert_eq!(KajiyaKayFibre::new(Vec3::ZERO, 60.0, 0.3).sample(&seen(0.1, Vec3::ZERO), [0.5; 4]), None);
+        assert_eq!(DiffuseFibre.sample(&seen(0.1, Vec3::ZERO), [0.5; 4]), None);
+    }
+
+    #[test]
+    fn a_black_highlight_and_none_are_the_same_to_the_bit() {
+        use crate::shading::fibre::testing::seen;
+        let black = KajiyaKayFibre::new(Vec3::ZERO, 60.0, 0.3);
+        let igloo = Igloo::new(Span::Sphere, 50);
+        let centers: Vec<Vec3> = (0..igloo.len()).map(|face| igloo.center(face)).collect();
+        let faces = Faces { centers: &centers, solid_angle: igloo.face_solid_angle() };
+        for (angle, color) in [(0.0, Vec3::ONE), (0.7, Vec3::new(0.6, 0.3, 0.1)), (-1.3, Vec3::ZERO)] {
+            let at = seen(angle, color);
+            let (mut with, mut without) = (Vec::new(), Vec::new());
+            black.reflect_faces(&at, &faces, &mut with);
+            DiffuseFibre.reflect_faces(&at, &faces, &mut without);
+            assert_eq!(with, without);
+            for &center in &centers {
+                assert_eq!(black.reflect(&at, center), DiffuseFibre.reflect(&at, center));
+                assert_eq!(black.density(&at, center), DiffuseFibre.density(&at, center));
+            }
+            for random in [[0.2, 0.3, 0.4, 0.5], [0.9, 0.01, 0.8, 0.99]] {
+                assert_eq!(black.sample(&at, random), DiffuseFibre.sample(&at, random));
+            }
+        }
     }
 
     #[test]

@@ -8,6 +8,6 @@ pub mod lambert;
 pub mod marschner;
 
 pub use fibre::{Faces, Fibre, Sampled, StrandPoint};
-pub use kajiya_kay::{Highlight, KajiyaKay, KajiyaKayFibre};
+pub use kajiya_kay::{DiffuseFibre, Highlight, KajiyaKay, KajiyaKayFibre};
 pub use lambert::Lambert;
 pub use marschner::Marschner;

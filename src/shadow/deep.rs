@@ -12,6 +12,7 @@ use super::{MapError, Settings, Size};
 use crate::fragment::{PixelRect, TileGrid, assign};
 use crate::hair::HairModel;
 use crate::occlusion::Transmittance;
+use crate::tally::{self, Work};
 
 /// Pixels along a tile's side.
 const TILE: u32 = 16;
@@ -66,6 +67,7 @@ impl DeepMap {
         settings: &Settings,
         cancelled: &(impl Fn() -> bool + Sync),
     ) -> Result<Self, MapError> {
+        tally::add(Work::DeepMaps, 1);
         let first = first_resolution(&view, model, settings);
         let mut map = Self { view, settings: *settings, resolution: first, halvings: 0, tiles: Vec::new() };
         while !map.fill(model, rule, cancelled)? {

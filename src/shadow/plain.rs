@@ -13,6 +13,7 @@ use crate::fragment::{PixelRect, TileGrid, assign};
 use crate::hair::HairModel;
 use crate::hash::{hash, to_unit};
 use crate::occlusion::Transmittance;
+use crate::tally::{self, Work};
 
 /// Purpose of the random numbers that decide whether hair that covers a part of a pixel is in it.
 const COVERED: u32 = 0x434F_5645;
@@ -42,6 +43,7 @@ impl ShadowMap {
         settings: &Settings,
         cancelled: &(impl Fn() -> bool + Sync),
     ) -> Result<Self, MapError> {
+        tally::add(Work::PlainMaps, 1);
         let mut resolution = first_resolution(&view, model, settings);
         let mut halvings = 0;
         while resolution as usize * resolution as usize * view.images() * 4 > settings.most_bytes && resolution > TILE {

@@ -79,7 +79,8 @@ fn compare(
     progress: &dyn Progress,
 ) -> Result<(Population, Vec<Compared>), RenderError> {
     progress.stage("building", 0);
-    let effects = Effects { hair_rays: true, ..Effects::of(scene) };
+    // Whether or not any light arrives for which the picture would ask.
+    let effects = Effects { hair_rays: true, projected_occlusion: true, ..Effects::of(scene) };
     let mut lighting = Lighting::new(scene, effects, progress)?;
     settle(&mut lighting, progress)?;
     let drawn = draw(&lighting, settings.window, settings.points, progress)?;

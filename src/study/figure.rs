@@ -13,7 +13,7 @@ use crate::fragment::PixelRect;
 use crate::image::{RgbImage, display};
 use crate::render::progress::Progress;
 use crate::render::{self, Film, Options, RenderError, Statistics};
-use crate::scene::{self, Scene, SceneError};
+use crate::scene::{self, Document, Scene, SceneError};
 
 /// The largest figure file, in bytes.
 const MAX_BYTES: u64 = 1 << 20;
@@ -212,6 +212,34 @@ impl Figure {
         Ok(Drawn { picture, panels, reports })
     }
 
+    /// The scenes of the panels that are rendered, each with the pixels of its crop, in their order: what is to be held against a limit of memory.
+    ///
+    /// # Errors
+    /// The first scene file that cannot be read.
+    pub fn documents(
+        &self,
+        path: &Path,
+        overrides: &[String],
+    ) -> Result<Vec<(Document, Option<PixelRect>)>, FigureError> {
+        let rendered = self.panels.iter().filter(|panel| panel.difference.is_none());
+        rendered
+            .map(|panel| {
+                let document = self.document(panel, path, overrides)?;
+                let [width, height] = document.description.camera.resolution;
+                let window =
+                    |[x0, y0, x1, y1]: [u32; 4]| PixelRect { min: [x0, y0], max: [x1.min(width), y1.min(height)] };
+                Ok((document, panel.crop.map(window)))
+            })
+            .collect()
+    }
+
+    fn document(&self, panel: &Panel, path: &Path, overrides: &[String]) -> Result<Document, FigureError> {
+        let name = panel.scene.as_ref().or(self.scene.as_ref()).map(PathBuf::as_path).unwrap_or(Path::new(""));
+        let file = path.parent().unwrap_or(Path::new("")).join(name);
+        let set: Vec<String> = self.set.iter().chain(&panel.set).chain(overrides).cloned().collect();
+        Ok(scene::load(&file, &set)?)
+    }
+
     fn render(
         &self,
         panel: &Panel,
@@ -220,10 +248,7 @@ impl Figure {
         threads: Option<usize>,
         progress: &dyn Progress,
     ) -> Result<(RgbImage, Statistics), FigureError> {
-        let name = panel.scene.as_ref().or(self.scene.as_ref()).map(PathBuf::as_path).unwrap_or(Path::new(""));
-        let file = path.parent().unwrap_or(Path::new("")).join(name);
-        let set: Vec<String> = self.set.iter().chain(&panel.set).chain(overrides).cloned().collect();
-        let mut scene = Scene::load(scene::load(&file, &set)?)?;
+        let mut scene = Scene::load(self.document(panel, path, overrides)?)?;
         let [width, height] = scene.camera.resolution();
         let window =
             panel.crop.map(|[x0, y0, x1, y1]| PixelRect { min: [x0, y0], max: [x1.min(width), y1.min(height)] });

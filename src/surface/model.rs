@@ -79,6 +79,13 @@ impl SurfaceModel {
         &self.positions
     }
 
+    /// What it holds, in bytes.
+    pub fn bytes(&self) -> u64 {
+        let vertices = size_of_val(&self.positions[..]) + size_of_val(&self.normals[..]);
+        let triangles = size_of_val(&self.triangles[..]) + size_of_val(&self.finish[..]);
+        (vertices + triangles + size_of_val(&self.finishes[..])) as u64
+    }
+
     /// Builds what rays need.
     ///
     /// # Errors

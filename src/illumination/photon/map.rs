@@ -15,6 +15,7 @@ use rayon::prelude::*;
 use super::{HotSpots, Photon};
 use crate::igloo::frame_around;
 use crate::surface::Surfaces;
+use crate::tally::{self, Work};
 
 /// Normals are alike below this angle's cosine: about 37 degrees.
 const LIKE: f32 = 0.8;
@@ -89,6 +90,11 @@ impl PhotonMap {
         Some(map)
     }
 
+    /// What it holds, in bytes: the places, and of its tree their coordinates and numbers.
+    pub fn bytes(&self) -> u64 {
+        (self.samples.len() * (size_of::<Sample>() + size_of::<[f32; 3]>() + size_of::<u32>())) as u64
+    }
+
     /// Where surfaces are so bright that gather rays count a part of it only.
     pub fn hot_spots(&self) -> Option<&HotSpots> {
         self.hot.as_ref()
@@ -106,6 +112,7 @@ impl PhotonMap {
 
     /// Irradiance at a point: that of the nearest place with a like normal, none where there is none near.
     pub fn irradiance(&self, position: Vec3, normal: Vec3) -> Option<Irradiance> {
+        tally::add(Work::PhotonLookups, 1);
         let query = (self.turn * position).to_array();
         let like = |item: u32| {
             let sample = &self.samples[item as usize];

@@ -8,6 +8,7 @@ use super::emission::Emitter;
 use crate::hash::{hash, to_unit};
 use crate::illumination::guide::cosine_sample;
 use crate::surface::Surfaces;
+use crate::tally::{self, Work};
 
 /// Purposes of random numbers.
 const HAIR: u32 = 0x4841_4952;
@@ -44,6 +45,7 @@ pub fn reflects(
     hair: &(impl Fn(Vec3, Vec3, f32) -> f32 + Sync),
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> bool {
+    tally::add(Work::Photons, settings.photons.min(PILOT).into());
     let pilot = Settings { photons: settings.photons.min(PILOT), ..*settings };
     batch(emitter, surfaces, &pilot, hair, cancelled, &(0..pilot.photons).collect::<Vec<_>>())
         .iter()
@@ -69,6 +71,7 @@ pub fn trace(
         let indices: Vec<u32> = (first..count).step_by(batches as usize).collect();
         photons.append(&mut batch(emitter, surfaces, settings, hair, cancelled, &indices));
         traced += indices.len();
+        tally::add(Work::Photons, indices.len() as u64);
         if photons.len() > MOST {
             break;
         }

@@ -29,6 +29,7 @@ use self::color::Lengths;
 use self::evaluate::BLOCK;
 use self::longitudinal::{Inclination, Longitudinal};
 use super::fibre::{Faces, Fibre, Sampled, StrandPoint};
+use crate::tally::{self, Work};
 
 /// Standard deviations below which a lobe is not resolved, in radians: tables stay small and numbers finite.
 const SHARPEST: f64 = 0.003;
@@ -143,11 +144,13 @@ impl Marschner {
 
 impl Fibre for Marschner {
     fn reflect(&self, at: &StrandPoint, incoming: Vec3) -> Vec3 {
+        tally::add(Work::Marschner, 1);
         let view = self.view(self.narrow(), at);
         view.reflect(incoming)
     }
 
     fn reflect_faces(&self, at: &StrandPoint, faces: &Faces, reflected: &mut Vec<Vec3>) {
+        tally::add(Work::Marschner, faces.centers.len() as u64);
         let energy = self.raw_faces(at, faces, reflected);
         // What absorbs nothing reflects all: the sum over the faces' middles is a quadrature of 1, and its error is known.
         let scale = 1.0 / energy.max(1e-6);
@@ -170,6 +173,7 @@ impl Fibre for Marschner {
 
 impl Lobes {
     fn new(parameters: &Parameters, face_width: f64) -> Self {
+        tally::add(Work::MarschnerTables, 1);
         // A face's variance along one axis: a square's.
         let face = face_width * face_width / 12.0;
         let rough = f64::from(parameters.longitudinal);
