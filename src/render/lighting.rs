@@ -387,7 +387,7 @@ impl<'s> Lighting<'s> {
         if !ABSENT && self.effects.reflection {
             lap.ends(Part::Faces, clock);
             let chances = roulette.insert(Roulette::new(key, free, gamma));
-            self.light_surfaces(free, key, met, gamma, chances, light, specular);
+            self.light_surfaces(free, key, met, gamma, chances, (light, specular));
             lap.ends(Part::Reflection, clock);
         }
         if self.effects.environment {

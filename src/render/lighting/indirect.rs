@@ -24,8 +24,7 @@ impl Lighting<'_> {
         met: Met<'_>,
         gamma: &[f32],
         roulette: &Roulette,
-        light: &mut [Vec3],
-        specular: &mut Reflections,
+        (light, specular): (&mut [Vec3], &mut Reflections),
     ) {
         let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
         for (face, hit) in met.hits.iter().enumerate() {
