@@ -12,7 +12,7 @@ use crate::occlusion::{
     ThinnedSegments, Thinning, Transmittance, layer,
 };
 
-/// A way to find Γ. Deep shadow maps would stand here, too.
+/// A way to find Γ. Deep shadow maps are in `maps`: they know one lamp's light, not an igloo's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
     /// Every segment by itself on an igloo's faces.
@@ -174,7 +174,7 @@ pub fn quick() -> Result<Vec<Outcome>, Error> {
 
 /// By how much one strand more brightens a face.
 ///
-/// Segment by segment and by rays it takes away or does nothing: beyond rounding (of the sum of depths) Γ of no face may rise. In the tree other
+/// Segment by segment, thinned or not (`thinned` says why), and by rays it takes away or does nothing: beyond rounding (of the sum of depths) Γ of no face may rise. In the tree other
 /// lumps may form: there the bound is on the mean over the igloo, the lumps' own error.
 ///
 /// # Errors
@@ -186,7 +186,7 @@ pub fn brighter() -> Result<Measured, Error> {
         let more = hard::with_another(hard, key as u32);
         let (before, after) = (Ways::new(&hard.model)?, Ways::new(&more)?);
         for receiver in &hard.receivers {
-            for way in [Way::Segments, Way::Rays, Way::Clusters] {
+            for way in [Way::Segments, Way::Thinned, Way::Rays, Way::Clusters] {
                 let [a, b] = [&before, &after].map(|ways| ways.faces(way, receiver, Span::Sphere, None));
                 let rise = a.iter().zip(&b).map(|(a, b)| f64::from(b - a)).fold(0.0, f64::max);
                 let mean = |g: &[f32]| g.iter().map(|&g| f64::from(g)).sum::<f64>() / g.len() as f64;

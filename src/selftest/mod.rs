@@ -5,15 +5,19 @@
 //! [`Property`] does so for one case made of random numbers, so that any number of cases may be drawn, and a failing one shrunk; a
 //! [`Study`] does so for a fixed list. docs/numerics.md tells which place in the program each is about.
 
+mod enclosed;
 pub mod estimators;
 pub mod hard;
 mod layers;
 mod lights;
 pub mod machine;
+pub mod maps;
 pub mod pictures;
 mod pixels;
 mod places;
+pub mod rooms;
 mod segments;
+mod thinned;
 pub mod truth;
 
 use rayon::prelude::*;
@@ -192,12 +196,22 @@ pub struct Study {
 
 /// Every property.
 pub fn properties() -> Vec<Property> {
-    [segments::PROPERTIES, layers::PROPERTIES, pixels::PROPERTIES, lights::PROPERTIES, places::PROPERTIES].concat()
+    [
+        segments::PROPERTIES,
+        thinned::PROPERTIES,
+        layers::PROPERTIES,
+        pixels::PROPERTIES,
+        lights::PROPERTIES,
+        places::PROPERTIES,
+        enclosed::PROPERTIES,
+    ]
+    .concat()
 }
 
 /// Every study of `tress selftest`.
-pub const STUDIES: [Study; 3] = [
+pub const STUDIES: [Study; 4] = [
     Study { name: "estimators", run: estimators::quick },
+    Study { name: "maps", run: maps::against_truth },
     Study { name: "machine", run: machine::instructions },
     Study { name: "pictures", run: pictures::quick },
 ];

@@ -79,13 +79,18 @@ pub fn lattice(index: u32, count: u32) -> DVec3 {
 /// Transmittance of all hair along a ray by the stated rules: the product over segments whose axis passes within half a width, beyond one
 /// width, of the receiver's own strand only what lies outside four widths of arc.
 pub fn transmittance(model: &HairModel, receiver: &Receiver, direction: DVec3) -> f64 {
+    transmittance_up_to(model, receiver, direction, f64::INFINITY)
+}
+
+/// The same of the hair nearer than `far`.
+pub fn transmittance_up_to(model: &HairModel, receiver: &Receiver, direction: DVec3, far: f64) -> f64 {
     let origin = receiver.position.as_dvec3();
     (0..model.segments())
-        .filter(|&s| crosses(model, receiver, s, origin, direction))
+        .filter(|&s| crosses(model, receiver, s, origin, direction, far))
         .fold(1.0, |t, segment| t * f64::from(model.transparency[segment]))
 }
 
-fn crosses(model: &HairModel, receiver: &Receiver, segment: usize, origin: DVec3, direction: DVec3) -> bool {
+fn crosses(model: &HairModel, receiver: &Receiver, segment: usize, origin: DVec3, direction: DVec3, far: f64) -> bool {
     let [a, b] = model.ends(segment).map(|end| end.as_dvec3() - origin);
     let along = b - a;
     let length2 = along.length_squared();
@@ -102,7 +107,7 @@ fn crosses(model: &HairModel, receiver: &Receiver, segment: usize, origin: DVec3
     let [w0, w1] = model.widths(segment).map(f64::from);
     let width = w0 + u * (w1 - w0);
     let distance = (a + u * along).dot(direction);
-    if off > 0.5 * width || distance <= width {
+    if off > 0.5 * width || distance <= width || distance >= far {
         return false;
     }
     receiver.on.filter(|on| on.strand == model.strand[segment]).is_none_or(|on| {

@@ -158,7 +158,7 @@ fn lift(position: Vec3) -> f32 {
     (size * (32.0 * f32::EPSILON)).length()
 }
 
-/// A point of a surface, moved off it on the side of its unit normal by [`lift`].
+/// A point of a surface, moved off it on the side of its unit normal by the rounding error of its position.
 pub fn lifted(position: Vec3, normal: Vec3) -> Vec3 {
     position + normal * lift(position)
 }

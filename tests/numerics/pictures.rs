@@ -6,6 +6,7 @@ use tress::render::progress::Unwatched;
 use tress::render::{self, Options};
 use tress::scene::{self, Scene};
 use tress::selftest::pictures::{self, Light, Place};
+use tress::selftest::rooms;
 
 use crate::all_hold;
 
@@ -17,6 +18,21 @@ fn pictures_with_direct_light_stay_the_same() {
 #[test]
 fn the_order_of_strands_changes_no_bit() {
     all_hold(&[pictures::permutation().expect("a picture")]);
+}
+
+#[test]
+fn a_mirrored_picture_differs_by_its_random_places_alone() {
+    all_hold(&pictures::mirrored().expect("a picture"));
+}
+
+#[test]
+fn nothing_shines_into_a_closed_box() {
+    all_hold(&rooms::dark(&rooms::PLACES).expect("a picture"));
+}
+
+#[test]
+fn rounded_bodies_have_no_black_facets_at_the_terminator() {
+    all_hold(&rooms::terminator().expect("a picture"));
 }
 
 #[test]

@@ -1,8 +1,10 @@
 //! The properties of `tress::selftest`, each with cases that proptest makes, and shrinks where one fails.
 
+use std::path::Path;
+
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
-use tress::selftest::{Draw, NUMBERS, Property, properties};
+use tress::selftest::{Draw, NUMBERS, Property, hard, pictures, properties};
 
 /// Cases of the slow suite, at least.
 const MANY: u32 = 10_000;
@@ -62,4 +64,36 @@ fn names_are_different() {
     names.sort_unstable();
     names.dedup();
     assert_eq!(names.len(), properties().len());
+}
+
+/// Every row of docs/numerics.md's catalogue names a check, and each check named is there: a property, a hard case, a picture or a test.
+#[test]
+fn the_catalogue_names_checks_that_are_there() {
+    let read = |path: &str| std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).expect(path);
+    let sources =
+        ["estimators", "external", "machine", "multiprecision", "pictures", "pixel", "properties", "regressions"]
+            .map(|name| format!("tests/numerics/{name}.rs"));
+    let tests: String = sources.iter().map(|path| read(path)).chain([read("src/fragment/footprint.rs")]).collect();
+    let mut names: Vec<String> = properties().iter().map(|property| property.name.to_owned()).collect();
+    names.extend(hard::all().iter().map(|case| format!("Γ, {}", case.name)));
+    names.extend(pictures::changes().iter().map(|change| format!("picture, direct: {}", change.name)));
+    let document = read("docs/numerics.md");
+    let (_, catalogue) = document.split_once("## Catalogue").expect("a catalogue");
+    let (catalogue, _) = catalogue.split_once("## Estimators").expect("its end");
+    let mut rows = 0;
+    for row in catalogue.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| **")) {
+        let cells: Vec<&str> = row.trim_matches('|').split(" | ").collect();
+        if cells[0].trim() == "place" {
+            continue;
+        }
+        assert_eq!(cells.len(), 5, "{row}");
+        let checks: Vec<&str> = cells[4].split('`').skip(1).step_by(2).collect();
+        assert!(!checks.is_empty() || cells[4].contains("the same"), "no check: {row}");
+        for check in checks {
+            let there = names.iter().any(|name| name == check) || tests.contains(&format!("fn {check}()"));
+            assert!(there, "no such check: {check}");
+        }
+        rows += 1;
+    }
+    assert!(rows >= 38, "{rows}");
 }
