@@ -147,9 +147,11 @@ fn taken_away(key: EffectName) -> Vec<String> {
     let keys: &[&str] = match key {
         // Not to be left out: a key of the scene has them go.
         EffectName::SettingsByAccuracy => &["occlusion.mode=igloo", "occlusion.opening=1"],
-        EffectName::RaysThroughHair => {
-            &["effects.without=[\"ray-traced-shadows\", \"hair-occlusion\", \"light-reflected-by-surfaces\"]"]
-        }
+        EffectName::RaysThroughHair => &[
+            "effects.without=[\"ray-traced-shadows\", \"hair-occlusion\", \"light-reflected-by-surfaces\"]",
+            "surface[1].material=diffuse",
+        ],
+        EffectName::MirrorsAndGlass => &["surface[1].material=diffuse"],
         EffectName::KajiyaKay => &["hair[0].shading=marschner"],
         EffectName::Marschner => &["hair[1].shading=kajiya-kay"],
         _ => &[],

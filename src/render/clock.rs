@@ -112,7 +112,10 @@ mod tests {
         let all = begin.elapsed();
         let sum = clock.gamma() + clock.lambda() + clock.direct();
         assert!(sum <= all && sum > Duration::from_millis(12), "{sum:?} of {all:?}");
-        assert!(clock.of(Part::Gather) > clock.of(Part::Occlusion));
+        // Asleep, a thread may stay so for longer, but not less long.
+        assert!(
+            clock.of(Part::Gather) >= Duration::from_millis(6) && clock.of(Part::Occlusion) >= Duration::from_millis(3)
+        );
         let mut twice = clock;
         twice.add(&clock);
         twice.scale(0.5);

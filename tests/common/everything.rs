@@ -9,6 +9,7 @@ camera = {{ position = [0, 1, 4], fov = 35, resolution = [14, 12] }}
 environment.file = "{root}/scenes/paper/evening.hdr"
 surface = [
   {{ name = "ball", sphere = {{ radius = 0.8 }} }},
+  {{ sphere = {{ center = [1.1, -0.4, 0.8], radius = 0.3 }}, material = "mirror" }},
   {{ plane = {{ center = [0, -0.8, 0], size = [6, 6] }}, color = [0.6, 0.5, 0.4] }},
 ]
 [[hair]]
