@@ -69,9 +69,14 @@ fn profiles_are_summed() {
 const NOTHING: u64 = 500;
 
 /// Each: what takes an effect away, and the source files that are its own.
-const OWN: [(&[&str], &[&str]); 9] = [
+const OWN: [(&[&str], &[&str]); 10] = [
     (&["--without", "surfaces"], &["src/embree/triangles.rs"]),
-    (&["--without", "more-than-one-reflection"], &["src/illumination/photon/"]),
+    // Caustics have maps of the same kind.
+    (&["--without", "more-than-one-reflection", "--without", "caustics"], &["src/illumination/photon/"]),
+    (
+        &["--without", "caustics"],
+        &["src/illumination/photon/aimed.rs", "src/illumination/photon/beams.rs", "src/illumination/photon/caustic.rs"],
+    ),
     (&["--without", "light-reflected-by-surfaces"], &["src/illumination/photon/", "src/illumination/guide.rs"]),
     (&["--without", "deep-shadow-maps"], &["src/shadow/compress.rs"]),
     (&["--without", "shadow-maps"], &["src/shadow/plain.rs"]),

@@ -45,6 +45,7 @@ faces = 24
 accuracy = 0.1
 [indirect]
 photons = 20000
+caustic_photons = 5000
 neighbours = 16
 [output]
 layers = ["beauty", "alpha", "direct", "environment", "environment-unoccluded", "occlusion", "depth", "normal", "tangent"]
