@@ -95,6 +95,8 @@ impl HotSpots {
     }
 
     /// What gather rays count of a place with this reflectance and irradiance of the map.
+    /// Not inlined: without photons nothing of it is to run, not even ahead of the question whether there are any.
+    #[inline(never)]
     pub fn below(&self, albedo: Vec3, irradiance: Vec3) -> f32 {
         below(self.cap, albedo, irradiance)
     }
