@@ -5,6 +5,7 @@
 //! lies behind layer n. What is seen of layer n is w_n = T_n (1 - γ_n) v_n, of a surface sample T at its depth, / K. All weights together with
 //! the background's are 1. Weights are in `f64`: thousands of layers with tiny coverage add up to an alpha that `f32` would lose.
 
+use super::choice::draw;
 use super::hair::HairFragment;
 use super::surface::{NO_SURFACE, SurfaceSample};
 
@@ -175,57 +176,14 @@ impl PixelLayers {
     }
 
     /// Draws the layers to shade, `count` (at least one) or as many as are seen, so that each counts in the mean what is seen of it: the mean over
-    /// many `random` in [0, 1) is the picture in which all layers are shaded. Layers of a weight above a bound c keep it; one of the
-    /// others is drawn with the chance weight / c and counts c, where c is such that there are `count` of them: of all unbiased ways it is that of least
-    /// variance (Fearnhead and Clifford 2003, "On-line inference for hidden Markov models via particle filters"). They are drawn in
-    /// equal steps of weight from the front to the back. The result is in depth order, and its weights add up to those of all layers.
+    /// many `random` in [0, 1) is the picture in which all layers are shaded. The result is in depth order, and its weights add up to those of
+    /// all layers.
     pub fn draw(&self, count: usize, random: f64, shaded: &mut Vec<Shaded>) {
         shaded.clear();
-        let seen = || self.layers.iter().filter(|layer| layer.weight > 0.0);
-        let Bound { bound, drawn } = Bound::new(seen, count.max(1));
-        let (mut sum, mut next) = (0.0, 0);
-        for layer in seen() {
-            if layer.weight >= bound {
-                shaded.push(Shaded { fragment: layer.fragment, weight: layer.weight });
-                continue;
-            }
-            sum += layer.weight;
-            if next < drawn && sum > (next as f64 + random) * bound {
-                shaded.push(Shaded { fragment: layer.fragment, weight: bound });
-                next += 1;
-            }
-        }
-        // By rounding the last step may end behind the last layer.
-        if let Some(last) = seen().rfind(|layer| layer.weight < bound).filter(|_| next < drawn) {
-            shaded.push(Shaded { fragment: last.fragment, weight: bound });
-        }
-    }
-}
-
-/// Weight from which on a layer is shaded in any case, and how many of the others are drawn.
-struct Bound {
-    bound: f64,
-    drawn: usize,
-}
-
-impl Bound {
-    /// For `count` of some layers.
-    fn new<'a, I: Iterator<Item = &'a Layer>>(layers: impl Fn() -> I, count: usize) -> Self {
-        if layers().count() <= count {
-            return Self { bound: 0.0, drawn: 0 };
-        }
-        let mut bound = f64::INFINITY;
-        let mut kept = 0;
-        loop {
-            let rest: f64 = layers().filter(|layer| layer.weight < bound).map(|layer| layer.weight).sum();
-            bound = rest / (count - kept) as f64;
-            let above = layers().filter(|layer| layer.weight >= bound).count();
-            // Taking out what is above lowers the mean of the others, so there are never more than `count` but for rounding.
-            if above == kept || above >= count {
-                return Self { bound, drawn: count.saturating_sub(above) };
-            }
-            kept = above;
-        }
+        let weight = |n: usize| self.layers[n].weight;
+        draw(self.layers.len(), weight, count, random, |n, weight| {
+            shaded.push(Shaded { fragment: self.layers[n].fragment, weight });
+        });
     }
 }
 

@@ -2,10 +2,11 @@
 //!
 //! Each sample goes on by itself, so that edges in a mirror are as smooth as others. At the first borders of glass both ways are followed, then one
 //! by chance. Hair that a way crosses is a layer each time (Eq. 7), the sky is added at once, and of all layers and surface points that the samples
-//! of a pixel see a few are shaded, chosen by what they count (systematic sampling), so that the mean is that of all.
+//! of a pixel see a few are shaded, drawn by what they count, so that the mean is that of all.
 
 use glam::Vec3;
 
+use crate::fragment::draw;
 use crate::hair::HairModel;
 use crate::hash::{hash, to_unit, unit};
 use crate::illumination::Illumination;
@@ -170,35 +171,21 @@ impl SpecularPixel {
 
     /// What is shaded of it: at most `layers` layers of hair and as many surface points as that or eight.
     pub fn choose(&self, layers: usize, key: u32, mut take: impl FnMut(&Glimpse, Vec3)) {
-        systematic(&self.surfaces, layers.max(POINTS), unit(&[CHOICE, key, 0]), &mut take);
-        systematic(&self.hair, layers, unit(&[CHOICE, key, 1]), &mut take);
+        some(&self.surfaces, layers.max(POINTS), unit(&[CHOICE, key, 0]), &mut take);
+        some(&self.hair, layers, unit(&[CHOICE, key, 1]), &mut take);
     }
 }
 
-/// Takes at most `count` of a list, each with the colour that it stands for. Of more the running sum of what they count is cut in `count` equal steps, one
-/// point in each: the expected colour of each is its own.
-fn systematic(list: &[Glimpse], count: usize, start: f64, take: &mut impl FnMut(&Glimpse, Vec3)) {
+/// Takes at most `count` of a list, each with the colour that it stands for: the expected colour of each is its own.
+fn some(list: &[Glimpse], count: usize, random: f64, take: &mut impl FnMut(&Glimpse, Vec3)) {
     if list.len() <= count {
         list.iter().for_each(|seen| take(seen, seen.color));
         return;
     }
-    let weight = |seen: &Glimpse| f64::from(seen.color.element_sum());
-    let step = list.iter().map(weight).sum::<f64>() / count as f64;
-    if step <= 0.0 || !step.is_finite() {
-        return;
-    }
-    let (mut sum, mut next) = (0.0, start * step);
-    for seen in list {
-        sum += weight(seen);
-        let mut steps = 0.0_f64;
-        while next < sum {
-            steps += 1.0;
-            next += step;
-        }
-        if steps > 0.0 {
-            take(seen, seen.color * (steps * step / weight(seen)) as f32);
-        }
-    }
+    let weight = |n: usize| f64::from(list[n].color.element_sum());
+    draw(list.len(), weight, count, random, |n, stands_for| {
+        take(&list[n], list[n].color * (stands_for / weight(n)) as f32)
+    });
 }
 
 #[cfg(test)]

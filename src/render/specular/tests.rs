@@ -16,7 +16,7 @@ fn a_few_stand_for_all_on_the_average() {
     let mut sums = vec![glam::DVec3::ZERO; list.len()];
     for trial in 0..trials {
         let (mut taken, mut sum) = (0, Vec3::ZERO);
-        systematic(&list, 6, unit(&[9, trial]), &mut |seen, color| {
+        some(&list, 6, unit(&[9, trial]), &mut |seen, color| {
             let Found::Hair { segment, .. } = seen.found else { panic!("no hair") };
             sums[segment as usize] += color.as_dvec3();
             taken += 1;
@@ -40,9 +40,9 @@ fn a_few_stand_for_all_on_the_average() {
 fn few_are_all_shaded_as_they_are() {
     let list: Vec<Glimpse> = (0..6).map(|i| glimpse(Vec3::splat(0.1 * i as f32), i)).collect();
     let mut taken = Vec::new();
-    systematic(&list, 6, 0.3, &mut |seen, color| taken.push((seen.found.segment(), color)));
+    some(&list, 6, 0.3, &mut |seen, color| taken.push((seen.found.segment(), color)));
     assert_eq!(taken, list.iter().map(|seen| (seen.found.segment(), seen.color)).collect::<Vec<_>>());
-    systematic(&list[..1], 0, 0.3, &mut |_, _| panic!("nothing counts"));
+    some(&list[..1], 0, 0.3, &mut |_, _| panic!("nothing counts"));
 }
 
 impl Found {
