@@ -24,6 +24,12 @@ impl Distribution {
         self.sums.last().copied().unwrap_or(0.0)
     }
 
+    /// A thing's share of the weights, 0 to 1.
+    pub fn share(&self, index: usize) -> f64 {
+        let before = if index > 0 { self.sums[index - 1] } else { 0.0 };
+        (self.sums[index] - before) / self.total()
+    }
+
     /// The thing at `u` in [0, 1), and the place in [0, 1) inside its share; none where all weights are zero.
     pub fn choose(&self, u: f64) -> Option<(usize, f64)> {
         let target = u * self.total();

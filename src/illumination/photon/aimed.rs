@@ -13,6 +13,7 @@ use super::emission::{Emission, around};
 use super::{HotSpots, PhotonMap};
 use crate::hash::{hash, to_unit, unit};
 use crate::igloo::frame_around;
+use crate::illumination::distribution::Distribution;
 use crate::illumination::lights::share_of_cone;
 use crate::illumination::{DirectLight, Illumination, RectLight};
 use crate::surface::{SurfacePoint, lifted};
@@ -57,8 +58,7 @@ struct Pair {
 pub struct Aimed<'l> {
     light: &'l Illumination,
     pairs: Vec<Pair>,
-    /// Sums of the pairs' powers, up to and with each.
-    cumulative: Vec<f64>,
+    by_power: Distribution,
     /// Centre and radius of a ball around all surfaces and all hair.
     all: (Vec3, f32),
 }
@@ -108,29 +108,26 @@ impl<'l> Aimed<'l> {
         let lamps = (0..light.direct.len()).map(Lamp::Direct);
         let lamps = lamps.chain((0..light.area.len()).map(Lamp::Area)).chain((0..sources).map(Lamp::Spot));
         let lamps = lamps.chain(hot_spots(light).map(|_| Lamp::Hot));
-        let (mut pairs, mut cumulative, mut sum) = (Vec::new(), Vec::new(), 0.0_f64);
+        let (mut pairs, mut powers) = (Vec::new(), Vec::new());
         for lamp in lamps {
             for &ball in &balls {
                 let power = worth(light, lamp, &ball);
                 if power > 0.0 && power.is_finite() {
-                    sum += f64::from(power);
                     pairs.push(Pair { lamp, ball });
-                    cumulative.push(sum);
+                    powers.push(power);
                 }
             }
         }
-        (!pairs.is_empty()).then_some(Self { light, pairs, cumulative, all })
+        let by_power = Distribution::new(powers.into_iter());
+        (!pairs.is_empty()).then_some(Self { light, pairs, by_power, all })
     }
 
     /// Photon `index` of `count`, and whether it counts at the first surface that it meets. None where a lamp has no light that way.
     pub fn emit(&self, index: u32, count: u32, seed: u32) -> Option<(Emission, impl Fn(&SurfacePoint) -> bool)> {
-        let total = self.cumulative[self.cumulative.len() - 1];
-        let target = (f64::from(index) + 0.5) / f64::from(count) * total;
-        let chosen = self.cumulative.partition_point(|&sum| sum <= target).min(self.pairs.len() - 1);
-        let before = if chosen > 0 { self.cumulative[chosen - 1] } else { 0.0 };
+        let (chosen, _) = self.by_power.choose((f64::from(index) + 0.5) / f64::from(count))?;
         let Pair { lamp, ball } = self.pairs[chosen];
         // Photons that this pair gets.
-        let share = (self.cumulative[chosen] - before) / total * f64::from(count);
+        let share = self.by_power.share(chosen) * f64::from(count);
         let number = |purpose, axis| to_unit(hash(&[purpose, seed, index, axis]));
         let [place, way] = [PLACE, WAY].map(|purpose| [number(purpose, 0), number(purpose, 1)]);
         let mut emission = match lamp {

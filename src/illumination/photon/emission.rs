@@ -8,6 +8,7 @@ use glam::Vec3;
 
 use crate::hash::{hash, to_unit, unit};
 use crate::igloo::frame_around;
+use crate::illumination::distribution::Distribution;
 use crate::illumination::guide::cosine_sample;
 use crate::illumination::lights::share_of_cone;
 use crate::illumination::{DirectLight, Illumination};
@@ -42,8 +43,7 @@ enum Source {
 pub struct Emitter<'l> {
     light: &'l Illumination,
     sources: Vec<(Source, Vec3)>,
-    /// Sums of the sources' mean powers, up to and with each.
-    cumulative: Vec<f64>,
+    by_power: Distribution,
     center: Vec3,
     radius: f32,
 }
@@ -74,13 +74,8 @@ impl<'l> Emitter<'l> {
         let spots = light.environment.sources().map_or(&[][..], |found| &found.list);
         sources.extend(spots.iter().enumerate().map(|(i, spot)| (Source::Spot(i), spot.energy * disk)));
         sources.retain(|(_, power)| power.max_element() > 0.0 && power.is_finite());
-        let mut sum = 0.0;
-        let mut add = |power: Vec3| {
-            sum += f64::from(power.element_sum());
-            sum
-        };
-        let cumulative: Vec<f64> = sources.iter().map(|(_, power)| add(*power)).collect();
-        (!sources.is_empty()).then_some(Self { light, sources, cumulative, center, radius })
+        let by_power = Distribution::new(sources.iter().map(|(_, power)| power.element_sum()));
+        (!sources.is_empty()).then_some(Self { light, sources, by_power, center, radius })
     }
 
     /// Power of all lights: of lights without a place, what passes through the disk.
@@ -90,11 +85,10 @@ impl<'l> Emitter<'l> {
 
     /// Photon `index` of `count`. The sources are shared out evenly, not by chance.
     pub fn emit(&self, index: u32, count: u32, seed: u32) -> Emission {
-        let total = self.cumulative[self.cumulative.len() - 1];
-        let target = (f64::from(index) + 0.5) / f64::from(count) * total;
-        let chosen = self.cumulative.partition_point(|&sum| sum <= target).min(self.sources.len() - 1);
-        let (source, power) = self.sources[chosen];
-        let chance = f64::from(power.element_sum()) / total;
+        // No source has no power, so there is one at any place but, by rounding, the very last.
+        let place = self.by_power.choose((f64::from(index) + 0.5) / f64::from(count));
+        let (source, power) = self.sources[place.map_or(self.sources.len() - 1, |(chosen, _)| chosen)];
+        let chance = f64::from(power.element_sum()) / self.by_power.total();
         let power = power * (1.0 / (chance * f64::from(count))) as f32;
         let number = |purpose, axis| to_unit(hash(&[purpose, seed, index, axis]));
         let [place, way] = [PLACE, WAY].map(|purpose| [number(purpose, 0), number(purpose, 1)]);
