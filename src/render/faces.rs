@@ -3,7 +3,6 @@
 use glam::Vec3;
 
 use crate::hash::{hash, to_unit};
-use crate::surface::SurfacePoint;
 use crate::tally::{self, Work};
 
 /// Purpose of the random numbers that leave out what is worth little.
@@ -12,6 +11,15 @@ const WORTH: u32 = 0x574F_5254;
 /// A surface that a face's ray met is lit in any case where the face passes on at least this share of what the faces do in the mean, else by a
 /// chance in proportion. Higher shares cost more in noise than they save in time (`docs/method.md`).
 const WORTH_A_LOOK: f32 = 0.25;
+
+/// Light that arrives at a point, where some of the faces end at surfaces.
+#[derive(Debug, Default)]
+pub struct Arriving {
+    /// Λ̄ of each face.
+    pub radiance: Vec<Vec3>,
+    /// How much it counts with hair and without, as [`Roulette::counts`]; empty where all of it does.
+    pub counts: Vec<[f32; 2]>,
+}
 
 /// Russian roulette among the surfaces that faces' rays met: those that are lit count the more, so nothing is lost in the mean.
 #[derive(Clone, Copy, Debug)]
@@ -48,14 +56,12 @@ impl Roulette {
 
 /// The sum over the faces, with hair and, where `UNOCCLUDED`, also without.
 ///
-/// F of a face times its solid angle is `free(face)`, Γ̄ `gamma`, Λ̄ `light`; `met` says which faces end at a surface (empty: none), whose light
-/// counts as `roulette` says. Compiled for each case: what is off is not asked for at each face.
+/// F of a face times its solid angle is `free(face)`, Γ̄ `gamma`, Λ̄ `light`, which counts as [`Roulette::counts`] says (empty: once). Compiled for each case: what is off is not asked for at each face.
 pub fn sum<const UNOCCLUDED: bool>(
     free: impl Fn(usize) -> Vec3,
     gamma: &[f32],
     light: &[Vec3],
-    met: &[Option<SurfacePoint>],
-    roulette: Option<&Roulette>,
+    counts: &[[f32; 2]],
 ) -> [Vec3; 2] {
     let [mut occluded, mut unoccluded] = [Vec3::ZERO; 2];
     if UNOCCLUDED {
@@ -63,13 +69,10 @@ pub fn sum<const UNOCCLUDED: bool>(
     }
     for (face, (&gamma, &light)) in gamma.iter().zip(light).enumerate() {
         let free = free(face);
-        let counts = match (roulette, met.get(face)) {
-            (Some(roulette), Some(Some(_))) => roulette.counts(face, free, gamma),
-            _ => [1.0; 2],
-        };
-        occluded += free * gamma * light * counts[0];
+        let [with_hair, without] = counts.get(face).copied().unwrap_or([1.0; 2]);
+        occluded += free * gamma * light * with_hair;
         if UNOCCLUDED {
-            unoccluded += free * light * counts[1];
+            unoccluded += free * light * without;
         }
     }
     [occluded, unoccluded]
@@ -79,36 +82,21 @@ pub fn sum<const UNOCCLUDED: bool>(
 mod tests {
     use super::*;
 
-    fn point() -> SurfacePoint {
-        SurfacePoint {
-            distance: 1.0,
-            position: Vec3::ZERO,
-            leaving: Vec3::ZERO,
-            flat_normal: Vec3::Z,
-            normal: Vec3::Z,
-            triangle: 0,
-            finish: 0,
-            albedo: Vec3::ONE,
-            emission: Vec3::ZERO,
-            optics: None,
-            outside: true,
-        }
-    }
-
     #[test]
     fn the_sum_with_hair_does_not_depend_on_the_other() {
-        let met = [None, Some(point()), Some(point()), None];
         let (gamma, light) = ([0.3, 1e-9, 0.7, 0.0], [Vec3::ONE, Vec3::X, Vec3::Y, Vec3::Z]);
         let free = |face: usize| Vec3::splat(0.1 * (face + 1) as f32);
         for key in 0..100 {
             let roulette = Roulette::new(key, free, &gamma);
-            let counts = roulette.counts(1, free(1), gamma[1]);
-            assert_eq!(counts[0], 0.0, "next to nothing comes through");
+            // The faces in the middle end at surfaces.
+            let met = |face| roulette.counts(face, free(face), gamma[face]);
+            let counts = [[1.0; 2], met(1), met(2), [1.0; 2]];
+            assert_eq!(counts[1][0], 0.0, "next to nothing comes through");
             // Alone, the sum has no light of the second face, which is not worth a look.
             let mut alone = light;
             alone[1] = Vec3::ZERO;
-            let [occluded, none] = sum::<false>(free, &gamma, &alone, &met, Some(&roulette));
-            let [same, unoccluded] = sum::<true>(free, &gamma, &light, &met, Some(&roulette));
+            let [occluded, none] = sum::<false>(free, &gamma, &alone, &counts);
+            let [same, unoccluded] = sum::<true>(free, &gamma, &light, &counts);
             assert_eq!((occluded, none), (same, Vec3::ZERO));
             assert!((unoccluded - Vec3::new(0.3, 0.4, 0.5)).abs().max_element() < 1e-6, "{unoccluded}");
         }

@@ -14,7 +14,7 @@ use super::RenderError;
 use super::clock::{Clock, Lap, Part};
 use super::costs::{Built, Ledger};
 use super::estimator::{self, Estimator};
-use super::faces::{self, Roulette};
+use super::faces::{self, Arriving};
 use super::progress::Progress;
 use super::reflections::Reflections;
 use super::shadows::{HairShadow, HairShadows, Made};
@@ -98,8 +98,7 @@ pub struct Workspace {
     gamma: Vec<f32>,
     hits: Vec<Option<SurfacePoint>>,
     directions: Vec<Vec3>,
-    /// Λ̄ of each face, where some end at surfaces.
-    light: Vec<Vec3>,
+    light: Arriving,
     /// F of each face, of a point on hair.
     reflected: Vec<Vec3>,
     means: Vec<Vec3>,
@@ -369,7 +368,7 @@ impl<'s> Lighting<'s> {
         key: u32,
         met: Met<'_>,
         gamma: &[f32],
-        light: &mut Vec<Vec3>,
+        light: &mut Arriving,
         (clock, specular): (&mut Clock, &mut Reflections),
         reflect: impl Fn(usize) -> Vec3,
         lit: &mut Lit,
@@ -378,27 +377,28 @@ impl<'s> Lighting<'s> {
         let solid_angle = igloo.face_solid_angle();
         let free = |face: usize| reflect(face) * solid_angle;
         let Met { hits, .. } = met;
-        light.clear();
+        let Arriving { radiance, counts } = light;
+        radiance.clear();
+        counts.clear();
         if !hits.is_empty() {
             let beyond = |(mean, hit): (&Vec3, &Option<SurfacePoint>)| if hit.is_some() { Vec3::ZERO } else { *mean };
-            light.extend(means.iter().zip(hits).map(beyond));
+            radiance.extend(means.iter().zip(hits).map(beyond));
         }
-        let mut roulette = None;
         if !ABSENT && self.effects.reflection {
             lap.ends(Part::Faces, clock);
-            let chances = roulette.insert(Roulette::new(key, free, gamma));
-            self.light_surfaces(free, key, met, gamma, chances, (light, specular));
+            self.light_surfaces(free, key, met, gamma, light, specular);
             lap.ends(Part::Reflection, clock);
         }
         if self.effects.environment {
             tally::add(Work::EnvironmentFaces, igloo.len() as u64);
         }
         if self.effects.environment || self.effects.reflection {
-            let light = if hits.is_empty() { means } else { light };
+            let Arriving { radiance, counts } = light;
+            let radiance = if hits.is_empty() { means } else { radiance };
             let sum = if !ABSENT && self.effects.unoccluded_layer {
-                faces::sum::<true>(free, gamma, light, hits, roulette.as_ref())
+                faces::sum::<true>(free, gamma, radiance, counts)
             } else {
-                faces::sum::<false>(free, gamma, light, hits, roulette.as_ref())
+                faces::sum::<false>(free, gamma, radiance, counts)
             };
             lit.environment += sum[0];
             lit.unoccluded += sum[1];

@@ -9,27 +9,30 @@ use crate::render::RenderError;
 use crate::render::costs::Built;
 use crate::render::cpu;
 use crate::render::estimator::Estimator;
-use crate::render::faces::Roulette;
+use crate::render::faces::{Arriving, Roulette};
 use crate::render::photons;
 use crate::render::progress::Progress;
 use crate::render::reflections::Reflections;
 use crate::scene::description::EffectName;
 
 impl Lighting<'_> {
-    /// What the surfaces that the faces' rays met send back, where the roulette says so.
+    /// What the surfaces that the faces' rays met send back, where the roulette says so, and how much it counts.
     pub(super) fn light_surfaces(
         &self,
         free: impl Fn(usize) -> Vec3,
         key: u32,
         met: Met<'_>,
         gamma: &[f32],
-        roulette: &Roulette,
-        (light, specular): (&mut [Vec3], &mut Reflections),
+        light: &mut Arriving,
+        specular: &mut Reflections,
     ) {
+        let roulette = Roulette::new(key, &free, gamma);
+        light.counts.resize(gamma.len(), [1.0; 2]);
         let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
         for (face, hit) in met.hits.iter().enumerate() {
             let Some(hit) = hit else { continue };
             let [occluded, unoccluded] = roulette.counts(face, free(face), gamma[face]);
+            light.counts[face] = [occluded, unoccluded];
             if occluded != 0.0 || self.effects.unoccluded_layer && unoccluded != 0.0 {
                 let key = hash(&[MET, key, face as u32]);
                 let sent = if hit.optics.is_some() {
@@ -40,7 +43,7 @@ impl Lighting<'_> {
                 } else {
                     self.light.reflected(hit, key, &hair)
                 };
-                light[face] = if self.called_for.reflection { sent } else { Vec3::ZERO };
+                light.radiance[face] = if self.called_for.reflection { sent } else { Vec3::ZERO };
             }
         }
     }
