@@ -39,6 +39,6 @@ pub(super) fn caustics(
         neighbours: description.indirect.neighbours,
         seed: description.sampling.seed,
     };
-    let hair_box = bounds(&scene.hair.points);
-    effects.caustics.then(|| light.caustic_map(&settings, hair_box, hair, &|| progress.cancelled())).flatten()
+    let trace = || light.caustic_map(&settings, bounds(&scene.hair.points), hair, &|| progress.cancelled());
+    effects.caustics.then(trace).flatten()
 }

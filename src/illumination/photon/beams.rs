@@ -81,7 +81,7 @@ impl Beams {
     }
 
     /// Marks on the ways; nothing where there are too few.
-    pub(super) fn new(beams: &[Beam], neighbours: u32, key: u32) -> Option<Self> {
+    pub(super) fn new(beams: Vec<Beam>, neighbours: u32, key: u32) -> Option<Self> {
         let total: f64 = beams.iter().map(|beam| f64::from(beam.length())).sum();
         let wanted = (EACH * beams.len()).min(MOST);
         if wanted < 8 || total <= 0.0 {
@@ -103,7 +103,7 @@ impl Beams {
         let turn = turn();
         let tree = tree(marks.iter().map(|mark| mark.position), &turn)?;
         let largest2 = largest(&tree, marks.len(), neighbours, |index| turn * marks[index].position)?;
-        let (beams, step, around) = (beams.to_vec(), step as f32, Igloo::new(Span::Sphere, PROBES / 2));
+        let (step, around) = (step as f32, Igloo::new(Span::Sphere, PROBES / 2));
         Some(Self { marks, beams, step, tree, turn, neighbours, largest2, around })
     }
 

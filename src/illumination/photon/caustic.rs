@@ -84,7 +84,7 @@ impl Caustics {
         photons.iter_mut().for_each(|photon: &mut Photon| photon.power *= scale);
         beams.iter_mut().for_each(|beam: &mut Beam| beam.power *= scale);
         let surface = Cloud::new(photons, settings.neighbours, surfaces);
-        let hair = Beams::new(&beams, settings.neighbours, hash(&[BEAMS, settings.seed]));
+        let hair = Beams::new(beams, settings.neighbours, hash(&[BEAMS, settings.seed]));
         let cut = if met > 0.0 { (cut / met) as f32 } else { 0.0 };
         (surface.is_some() || hair.is_some()).then_some(Self { surface, hair, cut })
     }
