@@ -2,7 +2,6 @@
 
 use super::clusters::ClusterTree;
 use super::depth_map::{Corners, DepthMap};
-use super::lanes::View;
 use super::walk::{Lists, Queues, Walk};
 use super::{Receiver, Span};
 use crate::hair::HairModel;
@@ -132,26 +131,19 @@ impl ClusterTree {
         scratch.work += map.len() as u64 / 2;
         let limits = far.map(|faces| Far { faces, cells: &cells, corners: &corners });
         // Compiled for each case, so that what a scene has not is not asked for at each lump.
+        let hair = (self, model);
         match (map.span(), limits.is_none()) {
             (Span::Hemisphere, true) => {
-                let view = View::<true>::new(receiver, map, opening);
-                let walk = Walk::<true, true> { tree: self, receiver, map, view, far: limits, model };
-                dispatch(&walk, scratch, gamma);
+                dispatch(&Walk::<true, true>::new(hair, receiver, map, opening, limits), scratch, gamma)
             }
             (Span::Hemisphere, false) => {
-                let view = View::<true>::new(receiver, map, opening);
-                let walk = Walk::<true, false> { tree: self, receiver, map, view, far: limits, model };
-                dispatch(&walk, scratch, gamma);
+                dispatch(&Walk::<true, false>::new(hair, receiver, map, opening, limits), scratch, gamma)
             }
             (Span::Sphere, true) => {
-                let view = View::<false>::new(receiver, map, opening);
-                let walk = Walk::<false, true> { tree: self, receiver, map, view, far: limits, model };
-                dispatch(&walk, scratch, gamma);
+                dispatch(&Walk::<false, true>::new(hair, receiver, map, opening, limits), scratch, gamma)
             }
             (Span::Sphere, false) => {
-                let view = View::<false>::new(receiver, map, opening);
-                let walk = Walk::<false, false> { tree: self, receiver, map, view, far: limits, model };
-                dispatch(&walk, scratch, gamma);
+                dispatch(&Walk::<false, false>::new(hair, receiver, map, opening, limits), scratch, gamma)
             }
         }
         (scratch.far, scratch.far_corners) = (cells, corners);

@@ -110,7 +110,18 @@ fn kind(lumps: u32) -> usize {
     lumps.trailing_zeros() as usize - 1
 }
 
-impl<const HEMISPHERE: bool, const OPEN: bool> Walk<'_, HEMISPHERE, OPEN> {
+impl<'a, const HEMISPHERE: bool, const OPEN: bool> Walk<'a, HEMISPHERE, OPEN> {
+    /// From one receiver through a model's tree.
+    pub fn new(
+        (tree, model): (&'a ClusterTree, &'a HairModel),
+        receiver: &'a Receiver,
+        map: &'a DepthMap,
+        opening: f32,
+        far: Option<Far<'a>>,
+    ) -> Self {
+        Self { tree, receiver, map, view: View::new(receiver, map, opening), far, model }
+    }
+
     /// Where surfaces end what counts: known to be nowhere when it is compiled, where there are none.
     #[inline(always)]
     pub fn far(&self) -> Option<Far<'_>> {
