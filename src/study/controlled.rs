@@ -1,7 +1,7 @@
 //! Rendering to an error or to a time: settings found on the scene itself, passes until it is done, and the error that the picture then has.
 //!
 //! The error is looked at where it arises, in pixels drawn at random from those in which something is seen. For each there is a reference in
-//! two independent halves, of rays, many faces and all layers. Half of the pixels choose: for each place of the knob ([`KNOB`]) they give bias
+//! two independent halves, of rays, many faces and layers drawn by chance. Half of the pixels choose: for each place of the knob ([`KNOB`]) they give bias
 //! and noise of a pass, so that the work of enough passes is known before the first. The other half judge the finished picture and
 //! nothing else, so that the error claimed is not that of the settings which were lucky at the pixels that chose them. What is
 //! judged is the picture itself: noise and bias need no model there.

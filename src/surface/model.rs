@@ -145,6 +145,24 @@ pub struct SurfacePoint {
 }
 
 impl SurfacePoint {
+    /// A place of a flat white surface, seen from a distance of 1.
+    #[cfg(test)]
+    pub(crate) fn white(position: Vec3, normal: Vec3) -> Self {
+        Self {
+            distance: 1.0,
+            position,
+            leaving: position,
+            flat_normal: normal,
+            normal,
+            triangle: 0,
+            finish: 0,
+            albedo: Vec3::ONE,
+            emission: Vec3::ZERO,
+            optics: None,
+            outside: true,
+        }
+    }
+
     /// An origin for rays that leave the surface.
     pub fn leaving(&self) -> Vec3 {
         self.leaving

@@ -256,19 +256,7 @@ fn the_caustic_on_the_floor_is_that_of_an_analytic_ball() {
                         |c: usize, i: usize| 2.0 * (c as f32 + (i as f32 + 0.5) / fine as f32) / cells as f32 - 1.0;
                     let position = Vec3::new(at(cell % cells, i % fine), -1.0, at(cell / cells, i / fine));
                     let normal = Vec3::Y;
-                    let point = SurfacePoint {
-                        distance: 1.0,
-                        position,
-                        leaving: position,
-                        flat_normal: normal,
-                        normal,
-                        triangle: 0,
-                        finish: 0,
-                        albedo: Vec3::ONE,
-                        emission: Vec3::ZERO,
-                        optics: None,
-                        outside: true,
-                    };
+                    let point = SurfacePoint::white(position, normal);
                     sum += f64::from(light.caustic_irradiance(&point).x);
                 }
                 sum * 4.0 / (cells * cells * fine * fine) as f64
@@ -333,19 +321,7 @@ fn light_from_a_plane_mirror_is_that_of_the_mirrored_lamp_also_in_the_air() {
     for i in 0..20 {
         let position = Vec3::new(1.2 * unit(&[i, 5]) as f32 - 0.6, 1.0, 1.2 * unit(&[i, 6]) as f32 - 0.6);
         let normal = Vec3::NEG_Y;
-        let point = SurfacePoint {
-            distance: 1.0,
-            position,
-            leaving: position,
-            flat_normal: normal,
-            normal,
-            triangle: 0,
-            finish: 0,
-            albedo: Vec3::ONE,
-            emission: Vec3::ZERO,
-            optics: None,
-            outside: true,
-        };
+        let point = SurfacePoint::white(position, normal);
         let distance = image.distance(position);
         let want = reflectance * ((position.y - image.y) / distance.powi(3));
         let found = light.caustic_irradiance(&point);

@@ -10,19 +10,7 @@ fn direction(key: u32, axis: u32) -> DVec3 {
 }
 
 fn point(normal: DVec3, flat: DVec3, outside: bool) -> SurfacePoint {
-    SurfacePoint {
-        distance: 1.0,
-        position: Vec3::ZERO,
-        leaving: Vec3::ZERO,
-        flat_normal: flat.as_vec3(),
-        normal: normal.as_vec3(),
-        triangle: 0,
-        finish: 0,
-        albedo: Vec3::ZERO,
-        emission: Vec3::ZERO,
-        optics: None,
-        outside,
-    }
+    SurfacePoint { normal: normal.as_vec3(), outside, ..SurfacePoint::white(Vec3::ZERO, flat.as_vec3()) }
 }
 
 fn glass(ior: f32) -> Optics {
