@@ -10,7 +10,7 @@ use crate::table::{Bounds, Table};
 use rayon::prelude::*;
 
 const ACCURACY: f64 = 0.004;
-const ROUNDS: usize = 5;
+const ROUNDS: usize = 15;
 /// Points over which the projection is timed, as near to each other as those of a small picture; rays are timed at some of them.
 const TIMED: u32 = 16_384;
 const SPARSER: usize = 128;

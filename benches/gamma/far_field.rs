@@ -9,7 +9,7 @@ use crate::table::{Bounds, Table};
 const POINTS: u32 = 100_000;
 const SPARSER: usize = 1_000;
 const RAYS: u32 = 1_800;
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 9;
 
 /// The settings of row 1.
 const FINENESS: Fineness = Fineness { side: 12, opening: 1.2 };

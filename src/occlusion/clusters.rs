@@ -10,7 +10,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::lanes::{Block, LANES, Lanes, NOWHERE, Node};
+use super::lanes::{self, Block, LANES, Lanes, NOWHERE, Node};
 use super::layer::Transmittance;
 use crate::hair::HairModel;
 use crate::tally::{self, Work};
@@ -134,10 +134,13 @@ fn node_of(children: &[Summary]) -> Node {
         // Children that take no light are left out as if they were not there.
         std::array::from_fn(|lane| children.get(lane).filter(|c| c.mass > 0.0).map_or(empty, value))
     };
+    let extent = |c: &Summary| (5.0 / 3.0 * c.spread2).sqrt();
+    let stout2 = children.iter().filter(|c| c.mass > 0.0).map(|c| lanes::stout2(extent(c), c.radius, c.thickness));
     Node {
+        stout2: stout2.fold(f32::INFINITY, f32::min),
         center: std::array::from_fn(|axis| lanes(&|c| c.centroid[axis], NOWHERE)),
         radius: lanes(&|c| c.radius, 0.0),
-        extent: lanes(&|c| (5.0 / 3.0 * c.spread2).sqrt(), 0.0),
+        extent: lanes(&extent, 0.0),
         half: std::array::from_fn(|axis| lanes(&|c| c.half[axis], 0.0)),
         inverse_half2: lanes(&|c| 1.0 / c.half.length_squared(), f32::INFINITY),
         thickness: lanes(&|c| c.thickness, f32::INFINITY),

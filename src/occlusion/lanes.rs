@@ -6,9 +6,7 @@
 
 use glam::Vec3;
 
-use super::depth_map::Grid;
-use super::segment::MEAN_CHORD;
-use super::{DepthMap, Receiver};
+use super::view::{Directions, Splat, View, between};
 
 /// Lanes of a node and of a block.
 pub const LANES: usize = 16;
@@ -39,6 +37,8 @@ pub struct Node {
     pub inverse_half2: Lanes,
     /// and the distance within which all of its segments run beside that one, from end to end.
     pub thickness: Lanes,
+    /// Square of an opening: up to it no child is a thin rod that is not a lump already.
+    pub stout2: f32,
     /// Σ width · length · opacity, times what makes the sine of the mean angle that of the mean (see `clusters`).
     pub mass: Lanes,
     /// Σ width · length · opacity · u uᵀ / Σ width · length · opacity: xx, yy, zz, xy, xz, yz.
@@ -67,171 +67,12 @@ impl Block {
     }
 }
 
-/// Who looks, and how finely; `HEMISPHERE` is the kind of map, known to the compiler: each kind has its own way to the square.
-#[derive(Clone, Copy, Debug)]
-pub struct View<const HEMISPHERE: bool> {
-    position: [f32; 3],
-    /// Rows: the igloo's axes in render space.
-    axes: [[f32; 3]; 3],
-    grid: Grid,
-    /// Square of the angular extent below which a child is a lump.
-    limit2: f32,
-    /// 1 / that, infinite where it is 0.
-    inverse_limit2: f32,
-    /// Square of the angular half length up to which a piece of hair is one lump.
-    pub stride2: f32,
-    /// Square of the angular width from which on a segment is a ribbon wider than its lumps.
-    pub wide2: f32,
-    /// Share of a cell that a strand of angular width 1 covers where it crosses the cell.
-    crossing: f32,
-}
-
-/// A strand's piece is one lump up to this half length, in widths of a cell. Shorter pieces cost more, and the light between the
-/// lumps makes up for what is lost of gaps finer than a cell: at two thirds of this the error is as large or larger on all hair measured.
-const STRIDE: f32 = 1.5;
-
-/// The longest half length of one lump, in radians: on coarse maps, what its middle says of the whole would be wrong.
-const LONGEST: f32 = 0.4;
-
-/// A strand from this width on is a ribbon of several lumps across, in widths of a cell.
-const WIDE: f32 = 0.75;
-
 /// How much steeper the sides of the tent are for a lump of no extent than for the largest; the tent blurs small ones more than need
 /// be. It was chosen on an even ball of hair; clumps would have it steeper yet.
 const STEEPER: f32 = 0.75;
 
 /// The share of its distance that a child's radius must stay below for a lump, whatever its extent: no hair near the viewer is taken so.
 const CLEAR: f32 = 0.9;
-
-/// What falls where: an amount for each of four cells.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Splat<const N: usize> {
-    /// Index of the upper left cell.
-    pub cell: [u32; N],
-    /// For the upper left, upper right, lower left and lower right cell.
-    pub amount: [[f32; 4]; N],
-}
-
-impl<const HEMISPHERE: bool> View<HEMISPHERE> {
-    /// `opening` is the largest angular extent of a lump, in radians.
-    pub fn new(receiver: &Receiver, map: &DepthMap, opening: f32) -> Self {
-        let cell = map.cell_width();
-        Self {
-            position: receiver.position.to_array(),
-            axes: receiver.frame.to_cols_array_2d(),
-            grid: map.grid(),
-            limit2: opening * opening,
-            inverse_limit2: 1.0 / (opening * opening),
-            stride2: (STRIDE * cell).min(LONGEST).powi(2),
-            wide2: (WIDE * cell).powi(2),
-            crossing: MEAN_CHORD / cell,
-        }
-    }
-
-    /// Share of a cell that a strand of this angular width covers where it crosses the cell.
-    #[inline(always)]
-    pub fn crossing(&self, apparent_width: f32) -> f32 {
-        self.crossing * apparent_width
-    }
-
-    /// A vector in the igloo's axes.
-    #[inline(always)]
-    pub fn in_igloo(&self, v: Vec3) -> Vec3 {
-        Vec3::from_array(self.axes.map(|axis| axis[0] * v.x + axis[1] * v.y + axis[2] * v.z))
-    }
-
-    /// Points of the square of directions of any length in render space's axes, in cells from the border's outer edge.
-    ///
-    /// Below a hemisphere's horizon they lie outside the square, and maybe outside the border.
-    #[inline(always)]
-    fn square(&self, toward: [f32; 3]) -> (f32, f32) {
-        let [x, y, z] = toward;
-        let [x, y, z] = self.axes.map(|axis| axis[0] * x + axis[1] * y + axis[2] * z);
-        let (u, v) = if HEMISPHERE { hemisphere_square(x, y, z) } else { sphere_square(x, y, z) };
-        let half = self.grid.half;
-        (half + half * u + 1.0, half + half * v + 1.0)
-    }
-
-    /// The cells in which directions lie; cells of the border for what is below a hemisphere's horizon.
-    #[inline(always)]
-    pub fn cells<const N: usize>(&self, toward: &[[f32; N]; 3]) -> [u32; N] {
-        let last = 2.0 * self.grid.half + 1.999;
-        // On a sphere nothing lies in the border but what rounding puts there.
-        let [low, high] = if HEMISPHERE { [0.0, last] } else { [1.0, last - 1.0] };
-        let mut cells = [0; N];
-        for lane in 0..N {
-            let (x, y) = self.square([toward[0][lane], toward[1][lane], toward[2][lane]]);
-            cells[lane] = self.cell(between(low, x, high), between(low, y, high));
-        }
-        cells
-    }
-
-    #[inline(always)]
-    fn cell(&self, x: f32, y: f32) -> u32 {
-        // SAFETY: `between` gave both; they are from 0 to less than the stride, which is below 2^16.
-        let (column, row) = unsafe { (x.to_int_unchecked::<i32>(), y.to_int_unchecked::<i32>()) };
-        row as u32 * self.grid.stride + column as u32
-    }
-
-    /// Spreads lumps in the given directions over four cells each: by a tent, or by one of steeper sides around a flat top.
-    #[inline(always)]
-    pub fn splat<const N: usize>(
-        &self,
-        toward: &[[f32; N]; 3],
-        amount: &[f32; N],
-        steepness: Option<&[f32; N]>,
-    ) -> Splat<N> {
-        let last = 2.0 * self.grid.half + 0.999;
-        let mut splat = Splat { cell: [0; N], amount: [[0.0; 4]; N] };
-        for lane in 0..N {
-            let (x, y) = self.square([toward[0][lane], toward[1][lane], toward[2][lane]]);
-            // From the middle of one cell to that of the next. The border is one cell wide: what falls beyond it is lost.
-            let (x, y) = (x - 0.5, y - 0.5);
-            let inside = (x >= 0.0) & (x <= last) & (y >= 0.0) & (y <= last);
-            let (x, y) = (between(0.0, x, last), between(0.0, y, last));
-            let (fx, fy) = (x - x.trunc(), y - y.trunc());
-            let steep = |f: f32| steepness.map_or(f, |s| between(0.0, (f - 0.5) * s[lane] + 0.5, 1.0));
-            let (fx, fy) = (steep(fx), steep(fy));
-            let amount = if inside { amount[lane] } else { 0.0 };
-            let (left, right) = (amount - amount * fx, amount * fx);
-            splat.amount[lane] = [left - left * fy, right - right * fy, left * fy, right * fy];
-            splat.cell[lane] = self.cell(x, y);
-        }
-        splat
-    }
-}
-
-/// Adds what falls to cells.
-#[inline(always)]
-pub fn add(corners: &mut [f32; 4], amount: &[f32; 4]) {
-    // As one value: the compiler then adds all four at once, whatever else it cannot tell apart.
-    *corners = std::array::from_fn(|corner| corners[corner] + amount[corner]);
-}
-
-#[inline(always)]
-fn sphere_square(x: f32, y: f32, z: f32) -> (f32, f32) {
-    let scale = 1.0 / (x.abs() + y.abs() + z.abs());
-    let (u, v) = (x * scale, y * scale);
-    // Below the horizon the octahedron's corners are folded over.
-    let (folded_u, folded_v) = ((1.0 - v.abs()).copysign(u), (1.0 - u.abs()).copysign(v));
-    let below = z < 0.0;
-    (if below { folded_u } else { u }, if below { folded_v } else { v })
-}
-
-#[inline(always)]
-fn hemisphere_square(x: f32, y: f32, z: f32) -> (f32, f32) {
-    let sum = x.abs() + y.abs() + z;
-    // Straight down there is nothing to map: it comes to lie outside.
-    let scale = if sum > 0.0 { 1.0 / sum } else { f32::INFINITY };
-    ((x + y) * scale, (x - y) * scale)
-}
-
-/// `x` between `low` and `high`; `low` for what is not a number.
-#[inline(always)]
-pub fn between(low: f32, x: f32, high: f32) -> f32 {
-    let x = if x > low { x } else { low };
-    if x < high { x } else { high }
-}
 
 /// In how many lumps lanes are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -260,7 +101,7 @@ fn sine(tensor: &[Lanes; 6], lane: usize, [x, y, z]: [f32; 3], inverse: f32) -> 
 
 /// The lanes of a node: its far children as lumps, and how the others are taken.
 #[inline(always)]
-pub fn node<const HEMISPHERE: bool>(view: &View<HEMISPHERE>, node: &Node) -> ((Splat<LANES>, Lanes), Division) {
+pub fn node<D: Directions>(view: &View<D>, node: &Node) -> ((Splat<LANES>, Lanes), Division) {
     let mut toward = [[0.0; LANES]; 3];
     let [mut amount, mut distance2] = [[0.0; LANES]; 2];
     let mut steepness = [1.0; LANES];
@@ -276,30 +117,49 @@ pub fn node<const HEMISPHERE: bool>(view: &View<HEMISPHERE>, node: &Node) -> ((S
         let sine = sine(&node.tensor, lane, [x, y, z], inverse);
         amount[lane] = node.mass[lane] * sine * inverse;
         distance2[lane] = d2;
-        let half = [node.half[0][lane], node.half[1][lane], node.half[2][lane]];
-        let (length2, nearest2) = rod([x, y, z], half, |_| node.inverse_half2[lane]);
-        let thickness = node.thickness[lane];
-        let thin = thickness * thickness < view.limit2 * nearest2;
-        let split = pieces(length2, view.limit2 * nearest2);
-        let split = if thin { split } else { NEAR };
-        lumps[lane] = if (r2 < view.limit2 * d2) & clear { 1 } else { split };
+        lumps[lane] = if (r2 < view.limit2 * d2) & clear { 1 } else { NEAR };
         toward[0][lane] = x;
         toward[1][lane] = y;
         toward[2][lane] = z;
         let steep = 1.0 + STEEPER * (1.0 - r2 * inverse * view.inverse_limit2);
         steepness[lane] = if steep > 1.0 { steep } else { 1.0 };
     }
+    if view.limit2 > node.stout2 {
+        rods(view, node, &toward, &mut lumps);
+    }
     keep(&mut amount, &lumps);
     ((view.splat(&toward, &amount, Some(&steepness)), distance2), division(lumps, ALL))
 }
 
-/// Squared half length of a rod, and squared distance from the origin to it; `center` and `half` relative to the origin.
+/// Of the children that are not lumps, the thin ones as rods.
 #[inline(always)]
-fn rod(center: [f32; 3], half: [f32; 3], inverse: impl Fn(f32) -> f32) -> (f32, f32) {
+fn rods<D: Directions>(view: &View<D>, node: &Node, toward: &[Lanes; 3], lumps: &mut [u32; LANES]) {
+    for lane in 0..LANES {
+        let half = [node.half[0][lane], node.half[1][lane], node.half[2][lane]];
+        let center = [toward[0][lane], toward[1][lane], toward[2][lane]];
+        let (length2, nearest2) = rod(center, half, node.inverse_half2[lane]);
+        let thickness = node.thickness[lane];
+        let thin = thickness * thickness < view.limit2 * nearest2;
+        let split = pieces(length2, view.limit2 * nearest2);
+        lumps[lane] = if (lumps[lane] == NEAR) & thin { split } else { lumps[lane] };
+    }
+}
+
+/// The square of an opening up to which a child is no thin rod that is not a lump already.
+///
+/// A rod that is thin has thickness < opening · distance; with thickness >= extent its extent is below that, too, and with
+/// opening · radius <= `CLEAR` · thickness the child is far enough away.
+pub fn stout2(extent: f32, radius: f32, thickness: f32) -> f32 {
+    if thickness >= extent { (CLEAR * thickness / radius).powi(2) } else { 0.0 }
+}
+
+/// Squared half length of a rod, and squared distance from the origin to it; `center` relative to the origin.
+#[inline(always)]
+fn rod(center: [f32; 3], half: [f32; 3], inverse_half2: f32) -> (f32, f32) {
     let [x, y, z] = center;
     let [u, v, w] = half;
     let length2 = u * u + v * v + w * w;
-    let s = -(x * u + y * v + z * w) * inverse(length2);
+    let s = -(x * u + y * v + z * w) * inverse_half2;
     // Where the rod has no length, `s` is not a number.
     let s = if s > -1.0 { s } else { -1.0 };
     let s = if s < 1.0 { s } else { 1.0 };
@@ -337,20 +197,16 @@ fn division(lumps: [u32; LANES], used: u32) -> Division {
 
 /// The lanes of a block: its far segments as lumps, and how the others are taken; those of the strand `own` are all among the others.
 #[inline(always)]
-pub fn block<const HEMISPHERE: bool>(
-    view: &View<HEMISPHERE>,
-    block: &Block,
-    own: u32,
-) -> ((Splat<LANES>, Lanes), Division) {
+pub fn block<D: Directions>(view: &View<D>, block: &Block, own: u32) -> ((Splat<LANES>, Lanes), Division) {
     let mut toward = [[0.0; LANES]; 3];
     let [mut amount, mut distance2] = [[0.0; LANES]; 2];
     let mut lumps = [0_u32; LANES];
     for lane in 0..LANES {
         let place = place(view, block, lane, 0.5);
-        let half = place.along.map(|u| 0.5 * u);
-        let (length2, nearest2) = rod(place.toward, half, |length2| 1.0 / length2);
-        let narrow = place.width * place.width < view.wide2 * nearest2;
-        let split = pieces(length2, view.stride2 * nearest2);
+        let (half2, nearest2) = place.nearest();
+        // Both sides times the squared half length: nothing is divided.
+        let narrow = place.width * place.width * half2 < view.wide2 * nearest2;
+        let split = pieces(half2 * half2, view.stride2 * nearest2);
         lumps[lane] = if narrow { split } else { NEAR } + if block.strand[lane] == own { OWN } else { 0 };
         (amount[lane], distance2[lane]) = place.lump(view, block.opacity[lane], 1.0);
         toward[0][lane] = place.toward[0];
@@ -372,7 +228,7 @@ struct Place {
 
 /// The place `s`, from 0 to 1, along a lane's segment.
 #[inline(always)]
-fn place<const HEMISPHERE: bool>(view: &View<HEMISPHERE>, block: &Block, lane: usize, s: f32) -> Place {
+fn place<D: Directions>(view: &View<D>, block: &Block, lane: usize, s: f32) -> Place {
     let (u, v, w) =
         (block.b[0][lane] - block.a[0][lane], block.b[1][lane] - block.a[1][lane], block.b[2][lane] - block.a[2][lane]);
     let x = block.a[0][lane] - view.position[0] + s * u;
@@ -383,9 +239,22 @@ fn place<const HEMISPHERE: bool>(view: &View<HEMISPHERE>, block: &Block, lane: u
 }
 
 impl Place {
+    /// Squared half length of the segment, and that times its squared distance from the viewer; the place is its middle.
+    ///
+    /// At the parameter s of half lengths h from the middle m, |m + s h|² h² = m² h² + t (2 m·h + t) with t = s h², which lies from -h² to h². What cancels
+    /// where the viewer is near the line is rounding of m² h², as much as a distance of 1e-3 of the larger of both: such a segment is no lump.
+    #[inline(always)]
+    fn nearest(&self) -> (f32, f32) {
+        let ([x, y, z], [u, v, w]) = (self.toward, self.along.map(|u| 0.5 * u));
+        let half2 = u * u + v * v + w * w;
+        let along = x * u + y * v + z * w;
+        let t = between(-half2, -along, half2);
+        (half2, (x * x + y * y + z * z) * half2 + t * (2.0 * along + t))
+    }
+
     /// Amount and squared distance of the lump there of the part `share` of the segment.
     #[inline(always)]
-    fn lump<const HEMISPHERE: bool>(&self, view: &View<HEMISPHERE>, opacity: f32, share: f32) -> (f32, f32) {
+    fn lump<D: Directions>(&self, view: &View<D>, opacity: f32, share: f32) -> (f32, f32) {
         let ([x, y, z], [u, v, w]) = (self.toward, self.along);
         let d2 = x * x + y * y + z * z;
         let (p, q, r) = (v * z - w * y, w * x - u * z, u * y - v * x);
@@ -408,8 +277,8 @@ pub struct Rods {
 
 /// One lump of each rod: its share `share` around the parameter `s`, from -1 to 1 along it.
 #[inline(always)]
-pub fn rod_lumps<const HEMISPHERE: bool>(
-    view: &View<HEMISPHERE>,
+pub fn rod_lumps<D: Directions>(
+    view: &View<D>,
     rods: &Rods,
     s: f32,
     share: f32,
@@ -436,8 +305,8 @@ pub fn rod_lumps<const HEMISPHERE: bool>(
 
 /// One lump of each segment of a block: the part of length `share` around the parameter `s`, from 0 to 1 along it.
 #[inline(always)]
-pub fn block_lumps<const HEMISPHERE: bool>(
-    view: &View<HEMISPHERE>,
+pub fn block_lumps<D: Directions>(
+    view: &View<D>,
     block: &Block,
     s: f32,
     share: f32,

@@ -20,6 +20,7 @@ pub mod tangent;
 #[cfg(test)]
 mod testing;
 pub mod thinned;
+mod view;
 mod walk;
 
 use glam::{Mat3, Vec3};

@@ -1,7 +1,10 @@
 //! Γ̄ of all faces from one point: the walk through the tree, compiled for what the processor can do.
 
+use glam::Mat3;
+
 use super::clusters::ClusterTree;
 use super::depth_map::{Corners, DepthMap};
+use super::view::{Above, Directions, Turned, Upright};
 use super::walk::{Lists, Queues, Walk};
 use super::{Receiver, Span};
 use crate::hair::HairModel;
@@ -132,18 +135,25 @@ impl ClusterTree {
         let limits = far.map(|faces| Far { faces, cells: &cells, corners: &corners });
         // Compiled for each case, so that what a scene has not is not asked for at each lump.
         let hair = (self, model);
-        match (map.span(), limits.is_none()) {
-            (Span::Hemisphere, true) => {
-                dispatch(&Walk::<true, true>::new(hair, receiver, map, opening, limits), scratch, gamma)
+        let upright = receiver.frame == Mat3::IDENTITY;
+        match (map.span(), upright, limits.is_none()) {
+            (Span::Hemisphere, _, true) => {
+                dispatch(&Walk::<Above, true>::new(hair, receiver, map, opening, limits), scratch, gamma)
             }
-            (Span::Hemisphere, false) => {
-                dispatch(&Walk::<true, false>::new(hair, receiver, map, opening, limits), scratch, gamma)
+            (Span::Hemisphere, _, false) => {
+                dispatch(&Walk::<Above, false>::new(hair, receiver, map, opening, limits), scratch, gamma)
             }
-            (Span::Sphere, true) => {
-                dispatch(&Walk::<false, true>::new(hair, receiver, map, opening, limits), scratch, gamma)
+            (Span::Sphere, true, true) => {
+                dispatch(&Walk::<Upright, true>::new(hair, receiver, map, opening, limits), scratch, gamma)
             }
-            (Span::Sphere, false) => {
-                dispatch(&Walk::<false, false>::new(hair, receiver, map, opening, limits), scratch, gamma)
+            (Span::Sphere, true, false) => {
+                dispatch(&Walk::<Upright, false>::new(hair, receiver, map, opening, limits), scratch, gamma)
+            }
+            (Span::Sphere, false, true) => {
+                dispatch(&Walk::<Turned, true>::new(hair, receiver, map, opening, limits), scratch, gamma)
+            }
+            (Span::Sphere, false, false) => {
+                dispatch(&Walk::<Turned, false>::new(hair, receiver, map, opening, limits), scratch, gamma)
             }
         }
         (scratch.far, scratch.far_corners) = (cells, corners);
@@ -151,11 +161,7 @@ impl ClusterTree {
 }
 
 /// Runs the code that is compiled for the scratch's instructions.
-fn dispatch<const HEMISPHERE: bool, const OPEN: bool>(
-    walk: &Walk<'_, HEMISPHERE, OPEN>,
-    scratch: &mut Scratch,
-    gamma: &mut [f32],
-) {
+fn dispatch<D: Directions, const OPEN: bool>(walk: &Walk<'_, D, OPEN>, scratch: &mut Scratch, gamma: &mut [f32]) {
     match scratch.instructions {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: `Scratch::with_instructions` takes it only where the processor has it.
@@ -169,30 +175,18 @@ fn dispatch<const HEMISPHERE: bool, const OPEN: bool>(
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,bmi1,bmi2")]
-fn query_avx512<const HEMISPHERE: bool, const OPEN: bool>(
-    walk: &Walk<'_, HEMISPHERE, OPEN>,
-    scratch: &mut Scratch,
-    gamma: &mut [f32],
-) {
+fn query_avx512<D: Directions, const OPEN: bool>(walk: &Walk<'_, D, OPEN>, scratch: &mut Scratch, gamma: &mut [f32]) {
     query(walk, scratch, gamma);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2")]
-fn query_avx2<const HEMISPHERE: bool, const OPEN: bool>(
-    walk: &Walk<'_, HEMISPHERE, OPEN>,
-    scratch: &mut Scratch,
-    gamma: &mut [f32],
-) {
+fn query_avx2<D: Directions, const OPEN: bool>(walk: &Walk<'_, D, OPEN>, scratch: &mut Scratch, gamma: &mut [f32]) {
     query(walk, scratch, gamma);
 }
 
 #[inline(always)]
-fn query<const HEMISPHERE: bool, const OPEN: bool>(
-    walk: &Walk<'_, HEMISPHERE, OPEN>,
-    scratch: &mut Scratch,
-    gamma: &mut [f32],
-) {
+fn query<D: Directions, const OPEN: bool>(walk: &Walk<'_, D, OPEN>, scratch: &mut Scratch, gamma: &mut [f32]) {
     walk.run(scratch);
     walk.map.finish(&scratch.depth, walk.far().map(|far| far.faces), &mut scratch.cells, gamma);
 }

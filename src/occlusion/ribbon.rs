@@ -11,10 +11,11 @@ use glam::Vec3;
 
 use super::DepthMap;
 use super::depth_map::Corners;
-use super::lanes::{LANES, View, add, saturation};
+use super::lanes::{LANES, saturation};
 use super::layer::optical_depth;
 use super::query::{Far, Scratch};
 use super::raster;
+use super::view::{Directions, View, add};
 use crate::igloo::arctangent_unit;
 
 /// Lumps along a ribbon, at most: half a turn in lumps a quarter of a degree long.
@@ -80,13 +81,7 @@ impl Ribbon {
 
 /// Gathers a ribbon.
 #[inline(always)]
-pub fn gather<const HEMISPHERE: bool>(
-    ribbon: &Ribbon,
-    view: &View<HEMISPHERE>,
-    map: &DepthMap,
-    far: Option<Far>,
-    scratch: &mut Scratch,
-) {
+pub fn gather<D: Directions>(ribbon: &Ribbon, view: &View<D>, map: &DepthMap, far: Option<Far>, scratch: &mut Scratch) {
     // Nothing nearer than the ribbon's own width counts; the width at the foot decides.
     let width = ribbon.width_at(ribbon.from.max(0.0).min(ribbon.to));
     let inner2 = width * width - ribbon.h2;
@@ -103,13 +98,7 @@ pub fn gather<const HEMISPHERE: bool>(
 }
 
 #[inline(always)]
-fn part<const HEMISPHERE: bool>(
-    ribbon: &Ribbon,
-    view: &View<HEMISPHERE>,
-    map: &DepthMap,
-    far: Option<Far>,
-    scratch: &mut Scratch,
-) {
+fn part<D: Directions>(ribbon: &Ribbon, view: &View<D>, map: &DepthMap, far: Option<Far>, scratch: &mut Scratch) {
     if ribbon.to <= ribbon.from {
         return;
     }
@@ -138,9 +127,9 @@ fn part<const HEMISPHERE: bool>(
 
 /// A narrow ribbon: lumps along its middle. Its layer is that of the strand where it crosses a cell (see [`saturation`]).
 #[inline(always)]
-fn along<const HEMISPHERE: bool>(
+fn along<D: Directions>(
     ribbon: &Ribbon,
-    view: &View<HEMISPHERE>,
+    view: &View<D>,
     range: [f32; 2],
     lumps: u32,
     far: Option<Far>,
@@ -206,9 +195,9 @@ fn sine_cosine(x: f32) -> (f32, f32) {
 
 /// A wide ribbon: its coverage is summed in each cell, each sample in the cell where it lies, then it is one layer there.
 #[inline(always)]
-fn across<const HEMISPHERE: bool>(
+fn across<D: Directions>(
     ribbon: &Ribbon,
-    view: &View<HEMISPHERE>,
+    view: &View<D>,
     [start, end]: [f32; 2],
     [lumps, slices]: [u32; 2],
     map: &DepthMap,

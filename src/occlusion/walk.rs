@@ -2,19 +2,20 @@
 
 use super::clusters::ClusterTree;
 use super::depth_map::Corners;
-use super::lanes::{self, ALL, Block, LANES, Lanes, NEAR, Node, OWN, Rods, Splat, View, bits, prefetch};
+use super::lanes::{self, ALL, Block, LANES, Lanes, NEAR, Node, OWN, Rods, bits, prefetch};
 use super::query::{Far, Scratch};
 use super::ribbon::{self, Ribbon};
 use super::segment::{Parts, WHOLE, counted};
+use super::view::{self, Directions, Splat, View};
 use super::{DepthMap, Receiver};
 use crate::hair::HairModel;
 
 /// One query: what is the same on the whole way. `OPEN`: there are no surfaces.
-pub struct Walk<'a, const HEMISPHERE: bool, const OPEN: bool> {
+pub struct Walk<'a, D, const OPEN: bool> {
     pub tree: &'a ClusterTree,
     pub receiver: &'a Receiver,
     pub map: &'a DepthMap,
-    pub view: View<HEMISPHERE>,
+    pub view: View<D>,
     /// None where there are no surfaces, and there only.
     pub far: Option<Far<'a>>,
     pub model: &'a HairModel,
@@ -110,7 +111,7 @@ fn kind(lumps: u32) -> usize {
     lumps.trailing_zeros() as usize - 1
 }
 
-impl<'a, const HEMISPHERE: bool, const OPEN: bool> Walk<'a, HEMISPHERE, OPEN> {
+impl<'a, D: Directions, const OPEN: bool> Walk<'a, D, OPEN> {
     /// From one receiver through a model's tree.
     pub fn new(
         (tree, model): (&'a ClusterTree, &'a HairModel),
@@ -209,12 +210,12 @@ impl<'a, const HEMISPHERE: bool, const OPEN: bool> Walk<'a, HEMISPHERE, OPEN> {
         let lumps = splat.cell.iter().zip(&splat.amount);
         let Some(far) = self.far() else {
             for (&cell, amount) in lumps {
-                lanes::add(&mut depth[cell as usize], amount);
+                view::add(&mut depth[cell as usize], amount);
             }
             return;
         };
         for ((&cell, amount), &distance2) in lumps.zip(distance2) {
-            lanes::add(&mut depth[cell as usize], &far.cut(cell as usize, amount, distance2));
+            view::add(&mut depth[cell as usize], &far.cut(cell as usize, amount, distance2));
         }
     }
 

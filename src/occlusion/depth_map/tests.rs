@@ -4,8 +4,9 @@ use glam::Mat3;
 
 use super::*;
 use crate::occlusion::Receiver;
-use crate::occlusion::lanes::{LANES, Splat, View, add};
+use crate::occlusion::lanes::LANES;
 use crate::occlusion::testing::{direction as random_direction, rotation};
+use crate::occlusion::view::{Above, Directions, Splat, Turned, View, add};
 
 const SPANS: [Span; 2] = [Span::Sphere, Span::Hemisphere];
 
@@ -16,7 +17,7 @@ fn whole(span: Span) -> f64 {
     if span == Span::Sphere { 4.0 * PI } else { 2.0 * PI }
 }
 
-fn view<const HEMISPHERE: bool>(map: &DepthMap, frame: Mat3) -> View<HEMISPHERE> {
+fn view<D: Directions>(map: &DepthMap, frame: Mat3) -> View<D> {
     View::new(&Receiver { position: Vec3::ZERO, on: None, frame }, map, 0.1)
 }
 
@@ -30,8 +31,8 @@ fn splat<const N: usize>(
 ) -> Splat<N> {
     let steepness = steepness.map(|steepness| [steepness; N]);
     match map.span {
-        Span::Sphere => view::<false>(map, frame).splat(toward, amount, steepness.as_ref()),
-        Span::Hemisphere => view::<true>(map, frame).splat(toward, amount, steepness.as_ref()),
+        Span::Sphere => view::<Turned>(map, frame).splat(toward, amount, steepness.as_ref()),
+        Span::Hemisphere => view::<Above>(map, frame).splat(toward, amount, steepness.as_ref()),
     }
 }
 
@@ -39,8 +40,8 @@ fn splat<const N: usize>(
 fn cell(map: &DepthMap, frame: Mat3, toward: [f32; 3]) -> u32 {
     let toward = toward.map(|x| [x]);
     let [cell] = match map.span {
-        Span::Sphere => view::<false>(map, frame).cells(&toward),
-        Span::Hemisphere => view::<true>(map, frame).cells(&toward),
+        Span::Sphere => view::<Turned>(map, frame).cells(&toward),
+        Span::Hemisphere => view::<Above>(map, frame).cells(&toward),
     };
     cell
 }

@@ -2,7 +2,8 @@ use glam::{DMat3, DVec3};
 
 use super::*;
 use crate::occlusion::testing::{ball, direction, model, random, receiver, signed};
-use crate::occlusion::{ClusterTree, Igloo, Span, Transmittance};
+use crate::occlusion::view::{Turned, WIDE};
+use crate::occlusion::{ClusterTree, DepthMap, Igloo, Span, Transmittance};
 
 fn map(side: u32) -> DepthMap {
     DepthMap::new(&Igloo::new(Span::Sphere, 100), side)
@@ -108,7 +109,7 @@ fn lumps_of_nodes_have_the_solid_angle_of_their_hair_times_opacity() {
     for (key, position) in positions().into_iter().enumerate() {
         let receiver = receiver(position, key as u32);
         for opening in [0.05, 0.3] {
-            let view = View::<false>::new(&receiver, &map, opening);
+            let view = View::<Turned>::new(&receiver, &map, opening);
             for node in tree.levels.iter().flatten() {
                 let ((splat, distance2), division) = super::node(&view, node);
                 for (lane, amount) in splat.amount.iter().enumerate() {
@@ -171,7 +172,7 @@ fn a_rod_s_lumps_have_the_formula_s_amounts_and_sum_to_one_lump_of_it_far_away()
     let tree = ClusterTree::build(&model, Transmittance::Crossing);
     let map = map(16);
     for (key, position) in positions().into_iter().enumerate() {
-        let view = View::<false>::new(&receiver(position, key as u32), &map, 0.2);
+        let view = View::<Turned>::new(&receiver(position, key as u32), &map, 0.2);
         for node in tree.levels.iter().flatten() {
             let rods = Rods { center: node.center, half: node.half, mass: node.mass, tensor: node.tensor };
             for (s, share) in [(0.0, 1.0), (-0.5, 0.5), (0.75, 0.25), (0.125, 0.125)] {
@@ -209,7 +210,7 @@ fn lumps_of_segments_sum_to_the_solid_angle_of_the_ribbon() {
     // falling by a half, by 2 * 2/3 / (2x) * 3 * (2x)² / 24 = x / 3.
     for side in [16, 32, 64] {
         let map = map(side);
-        let view = View::<false>::new(&receiver(Vec3::ZERO, side), &map, 0.2);
+        let view = View::<Turned>::new(&receiver(Vec3::ZERO, side), &map, 0.2);
         let (mut counts, mut worst) = ([0; 4], 0.0_f64);
         for key in 0..4_000 {
             let mut block = Block::default();
@@ -273,7 +274,7 @@ fn lumps_of_segments_sum_to_the_solid_angle_of_the_ribbon() {
 #[test]
 fn what_is_wider_than_a_part_of_a_cell_is_near() {
     let map = map(16);
-    let view = View::<false>::new(&receiver(Vec3::ZERO, 1), &map, 0.2);
+    let view = View::<Turned>::new(&receiver(Vec3::ZERO, 1), &map, 0.2);
     let wide = WIDE * map.cell_width();
     for (width, near) in [(0.99 * wide, 0), (1.01 * wide, 1)] {
         let mut block = Block { segment: [u32::MAX; LANES], strand: [7; LANES], ..Block::default() };

@@ -5,6 +5,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::occlusion::testing::{random, signed};
+use crate::occlusion::view::{Above, Turned};
 use crate::occlusion::{Igloo, Receiver, Span};
 
 fn receiver() -> Receiver {
@@ -21,14 +22,14 @@ struct Segment {
 /// Gathers a ribbon by the kernel for the map's kind.
 fn give(ribbon: &Ribbon, map: &DepthMap, scratch: &mut Scratch) {
     match map.span() {
-        Span::Sphere => gather(ribbon, &View::<false>::new(&receiver(), map, 0.2), map, None, scratch),
-        Span::Hemisphere => gather(ribbon, &View::<true>::new(&receiver(), map, 0.2), map, None, scratch),
+        Span::Sphere => gather(ribbon, &View::<Turned>::new(&receiver(), map, 0.2), map, None, scratch),
+        Span::Hemisphere => gather(ribbon, &View::<Above>::new(&receiver(), map, 0.2), map, None, scratch),
     }
 }
 
 /// Half length of a lump, in radians.
 fn lump(map: &DepthMap) -> f32 {
-    View::<false>::new(&receiver(), map, 0.2).stride2.sqrt()
+    View::<Turned>::new(&receiver(), map, 0.2).stride2.sqrt()
 }
 
 /// The depths that a segment of this opacity gives.
