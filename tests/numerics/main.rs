@@ -6,6 +6,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod catalogue;
 mod estimators;
 mod external;
 mod machine;
