@@ -92,6 +92,32 @@ fn a_small_scene_agrees_and_is_reported_in_three_forms() {
 }
 
 #[test]
+fn deep_shadow_maps_are_held_against_rays_too() {
+    let folder = folder();
+    let lamp = |map| format!(r#"light.point=[{{position=[2,3,2],intensity=[20,20,20],shadows="{map}"}}]"#);
+    let check = |lamp: &str| crosscheck(folder.path(), &["--set", lamp, "--json", "a.json"]);
+    let (code, out, err) = check(&lamp("deep-map"));
+    assert_eq!(code, Some(0), "{out}{err}");
+    assert!(out.contains("by deep shadow map") && out.contains("light.point[0] on hair"), "{out}");
+    let report = json(&std::fs::read_to_string(folder.path().join("a.json")).expect("a report"));
+    let shadow = &report["shadows"][0];
+    assert_eq!(shadow["light"], "light.point[0]");
+    for kind in ["hair", "surface"] {
+        let number = |pointer: &str| shadow[kind].pointer(pointer).and_then(Value::as_f64).expect("a number");
+        // Of points that the lamp's map knows; a filtered map and as many rays differ by little.
+        assert!((20.0..=30.0).contains(&number("/points")), "{shadow}");
+        assert!(number("/mean/value").abs() < 0.01 && number("/rms/value") < 0.03, "{shadow}");
+    }
+    // A map whose functions may be off by half is not what rays say.
+    let coarse = lamp("deep-map").replace("shadows=", "map_error=0.5,shadows=");
+    let (code, out, err) = check(&coarse);
+    assert_eq!(code, Some(5), "{out}{err}");
+    assert!(err.contains("light.point[0]") && err.contains("map_error"), "{err}");
+    let (code, out, _) = check(&lamp("raytraced"));
+    assert!(code == Some(0) && !out.contains("shadow map"), "{out}");
+}
+
+#[test]
 fn the_result_does_not_depend_on_the_number_of_threads() {
     let folder = folder();
     let run = |threads: &str| crosscheck(folder.path(), &["-q", "--json", "-", "--threads", threads]).1;

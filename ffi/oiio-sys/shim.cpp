@@ -199,12 +199,27 @@ int32_t oiio_shim_input_read(oiio_shim_input* input, int32_t y_begin, int32_t y_
         if (y_begin < spec.y || y_end > static_cast<int64_t>(spec.y) + spec.height) throw std::out_of_range("rows outside the image");
         if (value_count(spec.width, rows, spec.nchannels) != count) throw std::length_error("a buffer of the wrong size");
         ImageInput& reader = *input->reader;
-        const bool ok = spec.tile_width > 0
-                            ? reader.read_tiles(0, 0, spec.x, spec.x + spec.width, y_begin, y_end, spec.z, spec.z + 1, 0,
-                                                spec.nchannels, TypeDesc::FLOAT, data)
-                            : reader.read_scanlines(0, 0, y_begin, y_end, spec.z, 0, spec.nchannels, TypeDesc::FLOAT, data);
-        // A reader may note an error and still call the rows read.
-        if (!ok || reader.has_error()) fail(reader.geterror(), "the pixels cannot be read");
+        const auto read = [&](TypeDesc format, void* out) {
+            const bool ok = spec.tile_width > 0
+                                ? reader.read_tiles(0, 0, spec.x, spec.x + spec.width, y_begin, y_end, spec.z, spec.z + 1, 0,
+                                                    spec.nchannels, format, out)
+                                : reader.read_scanlines(0, 0, y_begin, y_end, spec.z, 0, spec.nchannels, format, out);
+            // A reader may note an error and still call the rows read.
+            if (!ok || reader.has_error()) fail(reader.geterror(), "the pixels cannot be read");
+        };
+        if (spec.format == TypeDesc::FLOAT || !spec.channelformats.empty()) {
+            std::memset(data, 0, count * sizeof(float));
+            read(TypeDesc::FLOAT, data);
+            return 1;
+        }
+        // A damaged file may leave pixels out without an error. Where the library converts, they would be what its own buffer held before:
+        // in a buffer of ours they are zeros.
+        std::vector<unsigned char> raw(count * spec.format.size());
+        read(TypeDesc::UNKNOWN, raw.data());
+        if (!OIIO::convert_image(spec.nchannels, spec.width, static_cast<int>(rows), 1, raw.data(), spec.format, OIIO::AutoStride,
+                           OIIO::AutoStride, OIIO::AutoStride, data, TypeDesc::FLOAT, OIIO::AutoStride, OIIO::AutoStride,
+                           OIIO::AutoStride))
+            throw std::runtime_error("the pixels cannot be converted");
         return 1;
     });
 }

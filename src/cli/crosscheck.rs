@@ -17,7 +17,7 @@ use crate::study::{Report, Settings, Verdict, crosscheck, plot};
 
 /// Compare the two ways to find hair occlusion, igloo and rays, at points that a render of the scene shades
 ///
-/// Sky visibility (the mean of hair occlusion over all directions) is found at each point by projection with the scene's settings and by many rays, in two halves so that their noise is known. It says by how much they differ, on hair and on surfaces, and by the distance of the hair. Exit status 5 means that the RMS difference, without the noise, exceeds the accuracy.
+/// Sky visibility (the mean of hair occlusion over all directions) is found at each point by projection with the scene's settings and by many rays, in two halves so that their noise is known. It says by how much they differ, on hair and on surfaces, and by the distance of the hair. Deep shadow maps are held against rays at the same points, spread over the pixels that the map weights. Exit status 5 means that the RMS difference of sky visibility, without the noise, exceeds the accuracy, or the mean difference of a deep shadow map does, or its RMS five times that.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     /// The scene file (.toml or .json)
@@ -128,13 +128,29 @@ pub(super) fn verdict(report: &Report) -> Result<(), Failure> {
         let rms = &part.summary.rms;
         format!("{:.4} {name} (at least {:.4})", rms.value, rms.low.unwrap_or_default())
     };
-    let faults: Vec<String> = report.judged().filter(|(_, part)| beyond(part)).map(fault).collect();
+    let mut faults: Vec<String> = report.judged().filter(|(_, part)| beyond(part)).map(fault).collect();
+    if !faults.is_empty() {
+        return Err(Failure::Disagreement(format!(
+            "{}: the two estimators of hair occlusion differ by more than the accuracy of {}: RMS {}\n\
+            ask for a finer occlusion.accuracy in place of occlusion.opening, or set occlusion.mode = \"raytraced\"",
+            report.scene,
+            report.accuracy,
+            faults.join(", ")
+        )));
+    }
+    let off = report.shadows.iter().filter(|shadow| shadow.verdict(report.accuracy) == Verdict::Exceeded);
+    faults.extend(off.map(|shadow| {
+        let mean = |part: &Option<Summary>| {
+            part.as_ref().map_or("-".to_owned(), |s| format!("{:+.4} (RMS {:.4})", s.mean.value, s.rms.value))
+        };
+        format!("{}: {} on hair, {} on surfaces", shadow.light, mean(&shadow.hair), mean(&shadow.surface))
+    }));
     Err(Failure::Disagreement(format!(
-        "{}: the two estimators of hair occlusion differ by more than the accuracy of {}: RMS {}\n\
-        ask for a finer occlusion.accuracy in place of occlusion.opening, or set occlusion.mode = \"raytraced\"",
+        "{}: deep shadow maps differ from rays by more than the accuracy of {} in the mean, or five times that RMS: {}\n\
+        give these lights a smaller map_error, or shadows = \"raytraced\"",
         report.scene,
         report.accuracy,
-        faults.join(", ")
+        faults.join("; ")
     )))
 }
 
@@ -174,6 +190,7 @@ pub(super) fn lines(report: &Report, details: bool) -> Vec<String> {
     for part in [&report.hair, &report.surface].into_iter().flatten() {
         lines.push(format!("largest {}", place(&part.largest)));
     }
+    lines.extend(shadows(report));
     lines.push(match report.verdict {
         Verdict::Held => format!("the accuracy of {} is held", report.accuracy),
         Verdict::Exceeded => format!("the accuracy of {} is not held", report.accuracy),
@@ -185,16 +202,31 @@ pub(super) fn lines(report: &Report, details: bool) -> Vec<String> {
     lines
 }
 
+/// Deep shadow maps; nothing where there are none.
+fn shadows(report: &Report) -> Vec<String> {
+    let Some(first) = report.shadows.first() else { return Vec::new() };
+    let mut lines = vec![format!(
+        "light left by hair (0 to 1) by deep shadow map, less that by rays over the map's pixels, {} a pixel:",
+        first.rays
+    )];
+    for shadow in &report.shadows {
+        for (name, summary) in [("hair", &shadow.hair), ("surfaces", &shadow.surface)] {
+            let named = |summary| figures(&format!("{} on {name}", shadow.light), summary);
+            lines.extend(summary.as_ref().map(named));
+        }
+    }
+    lines
+}
+
 fn row(name: &str, part: &Part) -> String {
-    let Summary { points, mean, standard_error, rms, noise, .. } = &part.summary;
+    format!("{}  {:>+7.4}", figures(name, &part.summary), part.largest.difference)
+}
+
+fn figures(name: &str, summary: &Summary) -> String {
+    let Summary { points, mean, standard_error, rms, noise, .. } = summary;
     let error = standard_error.map_or(String::new(), |error| format!(" ± {error:.5}"));
     let mean = format!("{:+.5}{error}", mean.value);
-    format!(
-        "  {name:<22}{:>7}  {mean:<18}  {:<26}  {noise:<6.4}  {:>+7.4}",
-        grouped(*points as u64),
-        interval(rms),
-        part.largest.difference
-    )
+    format!("  {name:<22}{:>7}  {mean:<18}  {:<26}  {noise:<6.4}", grouped(*points as u64), interval(rms),)
 }
 
 fn interval(estimate: &Estimate) -> String {

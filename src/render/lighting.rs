@@ -312,6 +312,11 @@ impl<'s> Lighting<'s> {
         self.hair_rays.as_ref()
     }
 
+    /// How hair's shadows of each light are found.
+    pub fn hair_shadows(&self) -> &HairShadows {
+        &self.shadows
+    }
+
     /// The shadow maps that were made.
     pub fn maps(&self) -> &[Made] {
         &self.shadows.made

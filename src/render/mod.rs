@@ -32,5 +32,5 @@ pub use lighting::{Around, Lighting, Workspace};
 pub use mean::Mean;
 pub use passes::{Pixels, Prepared, pass_seed};
 pub use pipeline::{Options, RenderError, render, with_threads};
-pub use shadows::Made;
+pub use shadows::{HairShadow, HairShadows, Made};
 pub use statistics::Statistics;

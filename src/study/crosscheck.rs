@@ -4,12 +4,13 @@
 //! hemisphere around the normal on a surface. Both estimators get the points, the igloo and the distance of the first opaque
 //! surface in each face that a render gives them, down to the random numbers, so that they differ by Γ alone. The projection
 //! is that of the scene's settings whatever its `occlusion.mode`; rays are followed to their end (`residual` 0), for a
-//! reference without bias.
+//! reference without bias. Deep shadow maps that the scene has are compared at the same points (`shadow_check`).
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::report::{Compared, Population, Report, Site};
+use super::shadow_check::{self, Shadow};
 use crate::effects::Effects;
 use crate::fragment::PixelRect;
 use crate::hash::{hash, to_unit};
@@ -67,8 +68,8 @@ pub fn crosscheck(scene: &mut Scene, settings: &Settings, progress: &dyn Progres
     let mode = std::mem::replace(&mut scene.document.description.occlusion.mode, OcclusionMode::Igloo);
     let compared = with_threads(settings.threads, || compare(scene, settings, rays, progress));
     scene.document.description.occlusion.mode = mode;
-    let (population, points) = compared??;
-    report.judge(population, points);
+    let (population, points, shadows) = compared??;
+    report.judge(population, points, shadows);
     Ok(report)
 }
 
@@ -77,7 +78,7 @@ fn compare(
     settings: &Settings,
     rays: u32,
     progress: &dyn Progress,
-) -> Result<(Population, Vec<Compared>), RenderError> {
+) -> Result<(Population, Vec<Compared>, Vec<Shadow>), RenderError> {
     progress.stage("building", 0);
     // Whether or not any light arrives for which the picture would ask.
     let effects = Effects { hair_rays: true, projected_occlusion: true, ..Effects::of(scene) };
@@ -85,7 +86,7 @@ fn compare(
     settle(&mut lighting, progress)?;
     let drawn = draw(&lighting, settings.window, settings.points, progress)?;
     progress.stage("comparing", drawn.points.len() as u64);
-    let Some(hair) = lighting.hair_rays() else { return Ok((Population::default(), Vec::new())) };
+    let Some(hair) = lighting.hair_rays() else { return Ok(Default::default()) };
     let bench = Bench { lighting: &lighting, hair, rays };
     let points: Option<Vec<Compared>> = drawn
         .points
@@ -96,8 +97,10 @@ fn compare(
             compared
         })
         .collect();
+    let shadows = shadow_check::shadows(&lighting, hair, &drawn.points, progress);
     let [hair, surface] = drawn.population;
-    Ok((Population { hair, surface }, points.ok_or(RenderError::Cancelled)?))
+    let (points, shadows) = points.zip(shadows).ok_or(RenderError::Cancelled)?;
+    Ok((Population { hair, surface }, points, shadows))
 }
 
 /// What every comparison needs.

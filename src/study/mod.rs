@@ -7,6 +7,7 @@ pub mod figure;
 pub mod mosaic;
 pub mod plot;
 pub mod report;
+pub mod shadow_check;
 pub mod statistics;
 
 pub use crosscheck::{Settings, crosscheck};

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::shadow_check::Shadow;
 use super::statistics::{Sample, Stratum, Summary};
 
 /// Fewer points of a kind are reported but not judged: their intervals mean little.
@@ -17,11 +18,11 @@ const BIN_POINTS: usize = 10;
 pub enum Verdict {
     /// There was nothing to compare: the scene has no hair, or neither hair nor surfaces are in the picture.
     Nothing,
-    /// The RMS difference is below the accuracy, its whole interval too.
+    /// The RMS difference is below the accuracy, its whole interval too; and each deep shadow map is as near to rays as it should be.
     Held,
     /// The accuracy lies inside the interval: these points cannot tell.
     Undecided,
-    /// The RMS difference exceeds the accuracy, its whole interval too.
+    /// The RMS difference exceeds the accuracy, its whole interval too, or a deep shadow map is further from rays than it should be.
     Exceeded,
 }
 
@@ -45,6 +46,9 @@ pub struct Report {
     pub all: Option<Part>,
     pub hair: Option<Part>,
     pub surface: Option<Part>,
+    /// Deep shadow maps, one a light that has one.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub shadows: Vec<Shadow>,
     /// Each point; left out of a render's statistics.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub points: Vec<Compared>,
@@ -138,12 +142,13 @@ impl Report {
             all: None,
             hair: None,
             surface: None,
+            shadows: Vec::new(),
             points: Vec::new(),
         }
     }
 
     /// Fills in what follows from the points.
-    pub(super) fn judge(&mut self, population: Population, points: Vec<Compared>) {
+    pub(super) fn judge(&mut self, population: Population, points: Vec<Compared>, shadows: Vec<Shadow>) {
         let (hair, surface): (Vec<&Compared>, Vec<&Compared>) = points.iter().partition(|point| point.on_hair());
         let samples = |points: &[&Compared]| -> Vec<Sample> { points.iter().map(|point| point.sample()).collect() };
         let kinds = [samples(&hair), samples(&surface)];
@@ -158,6 +163,7 @@ impl Report {
         });
         self.hair = part(&hair).map(|part| Part { by_distance: bins(&hair), ..part });
         self.surface = part(&surface).map(|part| Part { by_distance: bins(&surface), ..part });
+        self.shadows = shadows;
         self.verdict = self.verdict();
         self.population = population;
         self.points = points;
@@ -177,7 +183,8 @@ impl Report {
             (_, Some(high)) if high <= self.accuracy => Verdict::Held,
             _ => Verdict::Undecided,
         };
-        let verdicts: Vec<Verdict> = self.judged().map(|(_, part)| verdict(part)).collect();
+        let shadows = self.shadows.iter().map(|shadow| shadow.verdict(self.accuracy));
+        let verdicts: Vec<Verdict> = self.judged().map(|(_, part)| verdict(part)).chain(shadows).collect();
         [Verdict::Exceeded, Verdict::Undecided, Verdict::Held]
             .into_iter()
             .find(|verdict| verdicts.contains(verdict))
@@ -238,7 +245,7 @@ mod tests {
 
     fn report(accuracy: f64, population: [u64; 2], points: Vec<Compared>) -> Report {
         let mut report = Report::new("a.toml".to_owned(), accuracy, 0, 1000);
-        report.judge(Population { hair: population[0], surface: population[1] }, points);
+        report.judge(Population { hair: population[0], surface: population[1] }, points, Vec::new());
         report
     }
 
