@@ -8,6 +8,7 @@ use super::clock::Clock;
 use super::costs::Measured;
 use super::film::{Film, Pixel};
 use super::lighting::Lighting;
+use super::photons::Photons;
 use super::pipeline::{Options, tiles};
 use super::progress::Progress;
 use super::reflections::Reflections;
@@ -47,6 +48,8 @@ pub struct Pixels {
     pub pixels: Vec<Pixel>,
     pub hair_points: u64,
     pub surface_points: u64,
+    /// Of hair.
+    pub fragments: u64,
 }
 
 impl<'s> Prepared<'s> {
@@ -56,6 +59,19 @@ impl<'s> Prepared<'s> {
     /// # Errors
     /// As [`super::render`].
     pub fn new(scene: &'s mut Scene, options: &Options, progress: &dyn Progress) -> Result<Self, RenderError> {
+        Self::with_photons(scene, options, None, progress)
+    }
+
+    /// The same with photons that were traced before, where these are what the scene calls for; else it traces its own.
+    ///
+    /// # Errors
+    /// As [`super::render`].
+    pub fn with_photons(
+        scene: &'s mut Scene,
+        options: &Options,
+        photons: Option<Photons>,
+        progress: &dyn Progress,
+    ) -> Result<Self, RenderError> {
         // What was counted before is another's.
         let _ = tally::take();
         let watch = Watch::start();
@@ -78,7 +94,10 @@ impl<'s> Prepared<'s> {
         if effects.calibration {
             statistics.stage("calibrating", &watch);
         }
-        if effects.photons || effects.caustics {
+        let photons = photons.filter(|photons| photons.name == Photons::name(lighting.scene(), &effects));
+        if let Some(photons) = photons {
+            lighting.set_photons(photons);
+        } else if effects.photons || effects.caustics {
             let watch = Watch::start();
             progress.stage("tracing photons", 0);
             lighting.trace_photons(progress)?;
@@ -92,6 +111,11 @@ impl<'s> Prepared<'s> {
         statistics.stage("binning", &watch);
         statistics.work = tally::take();
         Ok(Self { lighting, full_size, grid, bins, statistics, clock: Clock::default(), marked: Vec::new() })
+    }
+
+    /// Its photons, for another picture of the same scene.
+    pub fn into_photons(mut self) -> Photons {
+        self.lighting.take_photons()
     }
 
     /// The scene, its surfaces taken out.
@@ -194,6 +218,7 @@ impl<'s> Prepared<'s> {
         for tile in tiles.ok_or(RenderError::Cancelled)? {
             all.hair_points += tile.hair_points;
             all.surface_points += tile.surface_points;
+            all.fragments += tile.fragments;
             all.pixels.extend(tile.pixels);
         }
         Ok(all)
