@@ -32,7 +32,7 @@ pub use inspect::{Fragment, Inspected, Shading, inspect};
 pub use lighting::{Around, Lighting, Workspace};
 pub use mean::Mean;
 pub use photons::Photons;
-pub use passes::{Pixels, Prepared, pass_seed};
+pub use passes::{Pixels, Prepared, Selection, pass_seed};
 pub use pipeline::{Options, RenderError, render, with_threads};
 pub use shadows::Made;
 pub use statistics::Statistics;

@@ -1,5 +1,7 @@
 //! A scene made ready once and rendered in passes: pictures of the same expectation that differ in their random numbers only.
 
+use std::collections::{BTreeMap, HashMap};
+
 use rayon::prelude::*;
 
 use super::RenderError;
@@ -15,7 +17,7 @@ use super::reflections::Reflections;
 use super::statistics::{SpecularCut, Statistics, Watch};
 use super::tile::{Frame, Tile, TileSpace};
 use crate::effects::Effects;
-use crate::fragment::{Bins, PixelRect, TileGrid};
+use crate::fragment::{Bins, PixelRect, TileGrid, scan_convert};
 use crate::hash::hash;
 use crate::scene::Scene;
 use crate::tally;
@@ -39,6 +41,37 @@ pub struct Prepared<'s> {
     statistics: Statistics,
     clock: Clock,
     marked: Vec<[u32; 2]>,
+}
+
+/// Single pixels, and the hair in each.
+#[derive(Clone, Debug, Default)]
+pub struct Selection {
+    at: Vec<[u32; 2]>,
+    segments: Vec<Vec<u32>>,
+}
+
+impl Selection {
+    /// Number of pixels.
+    pub fn len(&self) -> usize {
+        self.at.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.at.is_empty()
+    }
+
+    /// Only so many of them, the first.
+    pub fn truncate(&mut self, count: usize) {
+        self.at.truncate(count);
+        self.segments.truncate(count);
+    }
+
+    /// In parts of so many, the last of them smaller.
+    pub fn parts(&self, of: usize) -> impl Iterator<Item = Self> + '_ {
+        let parts = self.at.chunks(of).zip(self.segments.chunks(of));
+        parts.map(|(at, segments)| Self { at: at.to_vec(), segments: segments.to_vec() })
+    }
 }
 
 /// Single pixels, and the work that they took.
@@ -198,18 +231,52 @@ impl<'s> Prepared<'s> {
         Ok(film)
     }
 
-    /// Renders single pixels (columns and rows in the whole picture, inside the window), each as [`Self::pass`] with this seed would.
+    /// Single pixels to be rendered: columns and rows in the whole picture, inside the window. They hold for any picture of the same hair by the same camera.
+    pub fn select(&self, at: &[[u32; 2]]) -> Selection {
+        let frame = Frame::new(&self.lighting);
+        let mut by_tile: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (number, &[x, y]) in at.iter().enumerate() {
+            by_tile.entry(self.grid.index_at(x, y)).or_default().push(number);
+        }
+        let by_tile: Vec<(usize, Vec<usize>)> = by_tile.into_iter().collect();
+        let projection = frame.scene.camera.projection();
+        let touching = |(tile, numbers): &(usize, Vec<usize>)| {
+            let rect = self.grid.tile(*tile);
+            let slots: HashMap<[u32; 2], usize> = numbers.iter().enumerate().map(|(slot, &n)| (at[n], slot)).collect();
+            let mut lists = vec![Vec::new(); numbers.len()];
+            for &segment in self.bins.tile(*tile) {
+                scan_convert(&frame.segment(segment), &projection, &rect, |x, y, _| {
+                    if let Some(list) = slots.get(&[x, y]).map(|&slot| &mut lists[slot]) {
+                        if list.last() != Some(&segment) {
+                            list.push(segment);
+                        }
+                    }
+                });
+            }
+            lists
+        };
+        let found: Vec<Vec<Vec<u32>>> = by_tile.par_iter().with_max_len(1).map(touching).collect();
+        let mut segments = vec![Vec::new(); at.len()];
+        for ((_, numbers), lists) in by_tile.iter().zip(found) {
+            numbers.iter().zip(lists).for_each(|(&number, list)| segments[number] = list);
+        }
+        Selection { at: at.to_vec(), segments }
+    }
+
+    /// Renders single pixels, each as [`Self::pass`] with this seed would.
     ///
     /// # Errors
     /// Cancelled work.
-    pub fn pixels(&self, at: &[[u32; 2]], seed: u32, progress: &dyn Progress) -> Result<Pixels, RenderError> {
+    pub fn pixels(&self, selection: &Selection, seed: u32, progress: &dyn Progress) -> Result<Pixels, RenderError> {
         let frame = Frame { seed, ..Frame::new(&self.lighting) };
-        let tiles: Option<Vec<Tile>> = at
+        let tiles: Option<Vec<Tile>> = selection
+            .at
             .par_iter()
+            .zip(&selection.segments)
             .with_max_len(1)
-            .map_init(TileSpace::default, |space, &[x, y]| {
+            .map_init(TileSpace::default, |space, (&[x, y], segments)| {
                 let rect = PixelRect { min: [x, y], max: [x + 1, y + 1] };
-                let tile = frame.render(&rect, self.bins.tile(self.grid.index_at(x, y)), space, progress);
+                let tile = frame.render(&rect, segments, space, progress);
                 progress.advance(1);
                 tile
             })

@@ -71,13 +71,12 @@ impl Job<'_> {
     fn run(mut self) -> Result<(Film, Statistics), RenderError> {
         let watch = Watch::start();
         let looked = self.look()?;
-        let [choosing, judging] = [0, 1].map(|set| looked.draw(self.given.sampling.seed, set));
-        let choosing = self.references(&choosing, 0, looked.level)?;
-        let judging = self.references(&judging, 1, looked.level)?;
+        let drawn = [0, 1].map(|set| looked.draw(self.given.sampling.seed, set));
+        let [choosing, judging] = self.references(&drawn, looked.level)?;
         let trials = self.trials(&choosing, looked.level)?;
         let (trial, passes) = self.choose(&trials);
-        let (film, mut statistics) = self.passes(trial, passes, &choosing, &looked, &watch)?;
-        statistics.claim = self.claim(&film, &judging, trial);
+        let (film, mut statistics) = self.passes(trial, passes, &choosing.truths, &looked, &watch)?;
+        statistics.claim = self.claim(&film, &judging.truths, trial);
         self.scene.document.description.output = self.given.output.clone();
         Ok((film, statistics))
     }

@@ -3,7 +3,8 @@
 use std::time::Instant;
 
 use super::settings::work;
-use super::worth::{AIM, MOST_PASSES, Trial, Truth, Worth, least, total};
+use super::references::Judges;
+use super::worth::{AIM, MOST_PASSES, Trial, Worth, least, total};
 use super::{Goal, Job, KNOB};
 use crate::hash::hash;
 use crate::render::RenderError;
@@ -30,21 +31,21 @@ const FOR_TRIALS: f64 = 0.35;
 
 impl Job<'_> {
     /// What a pass is worth at places of the knob, as far as it can pay.
-    pub(super) fn trials(&mut self, truths: &[Truth], level: f64) -> Result<Vec<Trial>, RenderError> {
+    pub(super) fn trials(&mut self, judges: &Judges, level: f64) -> Result<Vec<Trial>, RenderError> {
         match self.goal {
-            Goal::Error(error) => self.trials_to_an_error(truths, level, error),
-            Goal::Time(time) => self.trials_in_a_time(truths, level, time),
+            Goal::Error(error) => self.trials_to_an_error(judges, level, error),
+            Goal::Time(time) => self.trials_in_a_time(judges, level, time),
         }
     }
 
     /// From a guess to finer places as long as that makes the error less work or possible at all, else to coarser ones as long as that is less work.
-    fn trials_to_an_error(&mut self, truths: &[Truth], level: f64, error: f64) -> Result<Vec<Trial>, RenderError> {
+    fn trials_to_an_error(&mut self, judges: &Judges, level: f64, error: f64) -> Result<Vec<Trial>, RenderError> {
         let square = (AIM * error).powi(2);
         let first = FIRST.iter().filter(|&&bound| error < bound).count();
         let mut trials: Vec<Trial> = Vec::new();
         for place in first..=KNOB.len() {
             let before = total(&trials, error);
-            let trial = self.trial(place, truths, level, before)?;
+            let trial = self.trial(place, judges, level, before)?;
             trials.push(trial);
             let few = trial.passes(square).is_some_and(|passes| passes < FEW);
             if few || (before.is_finite() && total(&trials, error) >= before) {
@@ -60,7 +61,7 @@ impl Job<'_> {
             if least(&trials, |trial| total(&[*trial], error)).place > place + 1 {
                 break;
             }
-            trials.push(self.trial(place, truths, level, before)?);
+            trials.push(self.trial(place, judges, level, before)?);
             if total(&trials, error) >= before {
                 break;
             }
@@ -69,14 +70,14 @@ impl Job<'_> {
     }
 
     /// From the coarsest place on, as long as there is time.
-    fn trials_in_a_time(&mut self, truths: &[Truth], level: f64, time: f64) -> Result<Vec<Trial>, RenderError> {
+    fn trials_in_a_time(&mut self, judges: &Judges, level: f64, time: f64) -> Result<Vec<Trial>, RenderError> {
         let mut trials: Vec<Trial> = Vec::new();
         for place in 0..=KNOB.len() {
             if self.elapsed() > FOR_TRIALS * time && !trials.is_empty() {
                 break;
             }
             let left = time - self.elapsed();
-            let trial = self.trial(place, truths, level, 0.0)?;
+            let trial = self.trial(place, judges, level, 0.0)?;
             trials.push(trial);
             if trial.work > left {
                 break;
@@ -86,19 +87,19 @@ impl Job<'_> {
     }
 
     /// Runs of a place at the pixels of references. `best` is the least work that other places take.
-    fn trial(&mut self, place: usize, truths: &[Truth], level: f64, best: f64) -> Result<Trial, RenderError> {
+    fn trial(&mut self, place: usize, judges: &Judges, level: f64, best: f64) -> Result<Trial, RenderError> {
         let (seed, progress, goal) = (self.given.sampling.seed, self.progress, self.goal);
         let begin = Instant::now();
         let prepared = self.prepare(place)?;
         let before = begin.elapsed().as_secs_f64();
         progress.stage("trying settings", 0);
-        let at: Vec<[u32; 2]> = truths.iter().map(|truth| truth.at).collect();
+        let Judges { pixels, truths } = judges;
         let window = prepared.window();
         let all = f64::from(window.max[0] - window.min[0]) * f64::from(window.max[1] - window.min[1]);
         let begin = Instant::now();
         let (mut runs, mut counted): (Vec<Vec<[f64; 3]>>, f64) = (Vec::new(), 0.0);
         let (worth, scale) = loop {
-            let found = prepared.pixels(&at, hash(&[TRIAL, seed, runs.len() as u32]), progress)?;
+            let found = prepared.pixels(pixels, hash(&[TRIAL, seed, runs.len() as u32]), progress)?;
             counted += work(&prepared, &found);
             runs.push(found.pixels.iter().map(|pixel| pixel.beauty.as_dvec3().to_array()).collect());
             if runs.len() < 2 {
