@@ -86,7 +86,8 @@ mod tests {
     #[test]
     fn what_is_drawn_has_the_mean_of_all() {
         // Light u and visibility v of five samples of group 1, between others.
-        let samples = [sample(1), SurfaceSample::EMPTY, sample(0), sample(1), sample(1), sample(0), sample(1), sample(1)];
+        let samples =
+            [sample(1), SurfaceSample::EMPTY, sample(0), sample(1), sample(1), sample(0), sample(1), sample(1)];
         let lamps = FromLamps(vec![1.0, 7.0, 100.0, 0.0, 9.0, 5.0, 0.5]);
         let seen = [1.0, 1.0, 0.25, 1.0, 1.0, 0.5, 1.0];
         let truth = (1.0 + 100.0 * 0.25 + 0.0 + 5.0 * 0.5 + 0.5) / 5.0;

@@ -215,13 +215,7 @@ impl<'s> Lighting<'s> {
     }
 
     /// Light from a point on a surface; that of lamps from the place `lamp_lit`, if there is one. `key` names its random numbers.
-    pub fn surface(
-        &self,
-        point: &SurfacePoint,
-        lamp_lit: Option<&LampLit>,
-        key: u32,
-        space: &mut Workspace,
-    ) -> Lit {
+    pub fn surface(&self, point: &SurfacePoint, lamp_lit: Option<&LampLit>, key: u32, space: &mut Workspace) -> Lit {
         let lambert = Lambert { albedo: point.albedo };
         let receiver = on_surface(point);
         let mut lit = Lit { emission: point.emission, occlusion: 1.0, ..Lit::default() };

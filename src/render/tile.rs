@@ -286,8 +286,7 @@ impl<'a> Frame<'a> {
         let mut lap = Lap::start();
         let specular = self.lighting.effects().specular;
         let drawn = self.layer_choice == LayerChoice::Drawn;
-        for (per_side, seed) in
-            [(self.per_side, self.seed), (FINER * self.per_side, hash(&[MORE_SAMPLES, self.seed]))]
+        for (per_side, seed) in [(self.per_side, self.seed), (FINER * self.per_side, hash(&[MORE_SAMPLES, self.seed]))]
         {
             met.clear();
             directions.clear();

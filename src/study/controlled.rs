@@ -15,14 +15,14 @@ use self::pixels::Looked;
 use self::settings::{set, set_truth};
 use self::worth::{MOST_PASSES, Trial, Truth};
 use super::accuracy::settings::KNOB;
-use super::statistics::rms_of_squares;
 use crate::render::progress::Progress;
-use crate::render::statistics::{Claim, Watch};
+use crate::render::statistics::Watch;
 use crate::render::{Film, Mean, Options, Photons, Prepared, RenderError, Statistics, pass_seed, with_threads};
 use crate::scene::Scene;
 use crate::scene::description::Description;
 use crate::surface::SurfaceModel;
 
+mod claim;
 mod pixels;
 mod references;
 mod settings;
@@ -88,12 +88,7 @@ impl Job<'_> {
     }
 
     /// The same with another seed, and photons of that.
-    fn prepare_with(
-        &mut self,
-        place: usize,
-        seed: u32,
-        photons: Option<Photons>,
-    ) -> Result<Prepared<'_>, RenderError> {
+    fn prepare_with(&mut self, place: usize, seed: u32, photons: Option<Photons>) -> Result<Prepared<'_>, RenderError> {
         let mut description = self.given.clone();
         match KNOB.get(place) {
             Some((_, values)) => set(&mut description, values),
@@ -169,48 +164,5 @@ impl Job<'_> {
         statistics.stages.retain(|stage| stage.name == "rendering");
         statistics.stages.insert(0, stage);
         Ok((film, statistics))
-    }
-
-    /// The error of the finished picture, by the pixels that had no part in it.
-    fn claim(&self, film: &Film, judging: &[Truth], trial: Trial) -> Option<Claim> {
-        let seen = film.pixels.iter().filter(|pixel| pixel.alpha > 0.0);
-        let (sum, count) = seen
-            .fold((0.0, 0.0), |(sum, count), pixel| (sum + pixel.beauty.as_dvec3().element_sum() / 3.0, count + 1.0));
-        let level = sum / count;
-        if level.is_nan() || level <= 0.0 {
-            return None;
-        }
-        let index =
-            |[x, y]: [u32; 2]| (y - film.window.min[1]) as usize * film.width() + (x - film.window.min[0]) as usize;
-        let squares: Vec<f64> = judging
-            .iter()
-            .map(|truth| {
-                let value = film.pixels[index(truth.at)].beauty.as_dvec3().to_array();
-                truth.weight * truth.product(value, value) / (level * level)
-            })
-            .collect();
-        let noises: Vec<f64> =
-            judging.iter().map(|truth| truth.weight * truth.variance() / (level * level)).collect();
-        let estimate = rms_of_squares(&squares, &noises)?;
-        let asked = self.error();
-        let description = self.scene.description();
-        let mut set = vec![
-            format!("occlusion.accuracy={}", description.occlusion.accuracy),
-            format!("occlusion.faces={}", description.occlusion.face_count()),
-            format!("sampling.layers={}", description.sampling.layers),
-            format!("sampling.area_light_samples={}", description.sampling.area_light_samples),
-            format!("sampling.surface_samples={}", description.sampling.surface_samples),
-        ];
-        set.extend(description.occlusion.rays.map(|rays| format!("occlusion.rays={rays}")));
-        Some(Claim {
-            asked,
-            error: estimate.value,
-            low: estimate.low.unwrap_or(0.0),
-            high: estimate.high.unwrap_or(1.0),
-            pixels: judging.len(),
-            settings: KNOB.get(trial.place).map_or("reference", |(name, _)| *name).to_owned(),
-            set,
-            reached: asked.is_none_or(|asked| estimate.value <= asked),
-        })
     }
 }

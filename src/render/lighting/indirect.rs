@@ -92,9 +92,8 @@ impl Lighting<'_> {
     /// Takes out the photons that were traced.
     pub(in crate::render) fn take_photons(&mut self) -> Photons {
         let (reflected, caustics) = self.light.take_maps();
-        let of_photons = |built: &Built| {
-            matches!(built.effect, EffectName::MoreThanOneReflection | EffectName::Caustics)
-        };
+        let of_photons =
+            |built: &Built| matches!(built.effect, EffectName::MoreThanOneReflection | EffectName::Caustics);
         let built = self.built.iter().filter(|built| of_photons(built)).copied().collect();
         Photons { reflected, caustics, built, name: Photons::name(self.scene, &self.effects) }
     }

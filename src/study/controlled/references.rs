@@ -47,7 +47,13 @@ impl Job<'_> {
             means: [Vec::new(), Vec::new()],
         });
         for (number, half) in halves.iter_mut().enumerate() {
-            self.rounds(half, drawn, &mut pixels, [1; 2], [0, 1].map(|set| FOR_TRUTH * (2 * number + set + 1) as f64 / 4.0))?;
+            self.rounds(
+                half,
+                drawn,
+                &mut pixels,
+                [1; 2],
+                [0, 1].map(|set| FOR_TRUTH * (2 * number + set + 1) as f64 / 4.0),
+            )?;
         }
         if let Goal::Error(error) = self.goal {
             let rounds = [0, 1].map(|set| {

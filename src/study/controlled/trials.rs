@@ -2,8 +2,8 @@
 
 use std::time::Instant;
 
-use super::settings::work;
 use super::references::Judges;
+use super::settings::work;
 use super::worth::{AIM, MOST_PASSES, Trial, Worth, least, total};
 use super::{Goal, Job, KNOB};
 use crate::hash::hash;

@@ -141,8 +141,9 @@ mod tests {
             sum - 6.0
         };
         let pixel = |key: [u32; 2], mean: f64, deviation: f64| [mean + deviation * normal(&key); 3];
-        let truths: Vec<Truth> =
-            (0..20_000).map(|i| Truth { at: [0, 0], weight: 1.0, halves: [1, 2].map(|half| pixel([half, i], 2.0, 0.2)) }).collect();
+        let truths: Vec<Truth> = (0..20_000)
+            .map(|i| Truth { at: [0, 0], weight: 1.0, halves: [1, 2].map(|half| pixel([half, i], 2.0, 0.2)) })
+            .collect();
         for runs in [2, 5] {
             let run = |n: u32| (0..20_000).map(|i| pixel([10 + n, i], 2.05, 0.3)).collect();
             let runs: Vec<Vec<[f64; 3]>> = (0..runs).map(run).collect();
