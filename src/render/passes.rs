@@ -246,10 +246,9 @@ impl<'s> Prepared<'s> {
             let mut lists = vec![Vec::new(); numbers.len()];
             for &segment in self.bins.tile(*tile) {
                 scan_convert(&frame.segment(segment), &projection, &rect, |x, y, _| {
-                    if let Some(list) = slots.get(&[x, y]).map(|&slot| &mut lists[slot]) {
-                        if list.last() != Some(&segment) {
-                            list.push(segment);
-                        }
+                    let list = slots.get(&[x, y]).map(|&slot| &mut lists[slot]);
+                    if let Some(list) = list.filter(|list| list.last() != Some(&segment)) {
+                        list.push(segment);
                     }
                 });
             }

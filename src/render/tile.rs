@@ -297,7 +297,7 @@ impl<'a> Frame<'a> {
             };
             surfaces.gather(self.camera(), pixel, per_side, seed, hit);
             if drawn {
-                from_lamps.find(met, |point| self.lighting.from_lamps(point));
+                from_lamps.find(met, |point| self.lighting.light_of_lamps(point));
             }
             if !drawn || !from_lamps.uneven(&surfaces.samples, surfaces.groups.len()) {
                 break;

@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use self::pixels::Looked;
 use self::settings::{set, set_truth};
-use self::worth::{MOST_PASSES, Trial, Truth};
+use self::worth::{AIM, MOST_PASSES, Trial, Truth};
 use super::accuracy::settings::KNOB;
 use crate::render::progress::Progress;
 use crate::render::statistics::Watch;
@@ -141,14 +141,18 @@ impl Job<'_> {
                     }
                 }
                 Goal::Error(error) if done >= most => {
-                    let square = choosing.iter().map(|truth| {
+                    let found = choosing.iter().map(|truth| {
                         let value = mean.beauty(index(truth.at)).as_dvec3().to_array();
                         truth.weight * (truth.product(value, value) - truth.variance())
                     });
-                    let square = square.sum::<f64>() / (choosing.len().max(1) as f64 * looked.level.powi(2));
-                    let noise = trial.worth.noise / f64::from(done);
+                    let found = found.sum::<f64>() / (choosing.len().max(1) as f64 * looked.level.powi(2));
+                    // A few pixels tell little of the noise; passes tell it all over the picture.
+                    let noise = mean.variance().map(|variance| variance / looked.level.powi(2));
+                    let square = noise.map_or(found, |noise| found.max(noise + trial.worth.bias));
+                    let noise = noise.unwrap_or(trial.worth.noise);
                     // More passes help against noise only.
-                    if square <= error * error || noise < 0.1 * square || done >= MOST_PASSES || done >= 8 * planned {
+                    let enough = square <= (AIM * error).powi(2);
+                    if enough || noise < 0.1 * square || done >= MOST_PASSES || done >= 32 * planned {
                         break;
                     }
                     most = done + done.div_ceil(2);

@@ -14,7 +14,7 @@ use crate::tally::{self, Work};
 
 impl Lighting<'_> {
     /// What lights without extent would send to a point on a surface if nothing were in the way, the mean of the channels: W/m².
-    pub(in crate::render) fn from_lamps(&self, point: &SurfacePoint) -> f32 {
+    pub(in crate::render) fn light_of_lamps(&self, point: &SurfacePoint) -> f32 {
         if ABSENT || !self.effects.lamps() {
             return 0.0;
         }
