@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use super::memory::{Memory, thread_count};
-use super::values::{self, Resolution};
+use super::render::window;
+use super::values::{self, Crop, Resolution};
 use super::{Failure, Overrides, Verbosity, exit, interrupt, log, progress::Reporter};
 use crate::render::RenderError;
 use crate::render::memory::Work;
@@ -29,6 +30,9 @@ pub(crate) struct Arguments {
     /// Size of the pictures in pixels; the same as --set camera.resolution=
     #[arg(long, value_name = "WxH", value_parser = values::resolution)]
     resolution: Option<Resolution>,
+    /// Study this part of the picture only, corners in pixels with x1, y1 outside; a budget makes it smaller around its middle, and its pixels stay as they are
+    #[arg(long, value_name = "x0,y0,x1,y1", value_parser = values::crop, allow_hyphen_values = true)]
+    crop: Option<Crop>,
     /// Number of threads; one a processor unless given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -48,10 +52,12 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
     overrides.extend(arguments.resolution.map(Resolution::setting));
     // As large as the scene says, though a budget may ask for smaller pictures.
     let threads = arguments.threads.map(usize::from);
-    let work = Work::Render { window: None, threads: thread_count(threads) };
-    arguments.memory.check(&scene::load(&arguments.scene, &overrides)?, work)?;
+    let document = scene::load(&arguments.scene, &overrides)?;
+    let crop = window(arguments.crop, &document)?;
+    arguments.memory.check(&document, Work::Render { window: crop, threads: thread_count(threads) })?;
     let options = Options {
         overrides,
+        crop,
         folder: folder.clone(),
         budget: arguments.budget,
         repeats: arguments.repeats,

@@ -200,6 +200,11 @@ impl Illumination {
         self.caustics = caustics;
     }
 
+    /// Takes both maps out: nothing counts them here any more.
+    pub fn take_maps(&mut self) -> (Option<PhotonMap>, Option<Caustics>) {
+        (self.photons.take(), self.caustics.take())
+    }
+
     /// The caustics that are counted.
     pub fn caustics(&self) -> Option<&Caustics> {
         self.caustics.as_ref()

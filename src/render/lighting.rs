@@ -15,6 +15,7 @@ use super::clock::{Clock, Lap, Part};
 use super::costs::{Built, Ledger};
 use super::estimator::{self, Estimator};
 use super::faces::{self, Arriving};
+use super::lamp_lit::LampLit;
 use super::progress::Progress;
 use super::reflections::Reflections;
 use super::shadows::{HairShadow, HairShadows, Made};
@@ -213,8 +214,8 @@ impl<'s> Lighting<'s> {
         lit
     }
 
-    /// Light from a point on a surface. `key` names its random numbers.
-    pub fn surface(&self, point: &SurfacePoint, key: u32, space: &mut Workspace) -> Lit {
+    /// Light from a point on a surface; that of lamps from the place `lamp_lit`, if there is one. `key` names its random numbers.
+    pub fn surface(&self, point: &SurfacePoint, lamp_lit: Option<&LampLit>, key: u32, space: &mut Workspace) -> Lit {
         let lambert = Lambert { albedo: point.albedo };
         let receiver = on_surface(point);
         let mut lit = Lit { emission: point.emission, occlusion: 1.0, ..Lit::default() };
@@ -248,7 +249,11 @@ impl<'s> Lighting<'s> {
                 lap.ends(Part::Caustics, &mut space.clock);
             }
         }
-        self.direct(&Point::on_surface(receiver.position), space, origin, cosine, &mut lit);
+        let (at, counts) = lamp_lit.map_or((point, 1.0), |lit| (&lit.at, lit.counts));
+        let origin = |toward| surfaces.map_or(at.leaving(), |surfaces| surfaces.toward_light(at, toward));
+        let cosine = |direction: Vec3| lambert.evaluate(direction.dot(at.normal));
+        self.direct(&Point::on_surface(at.leaving()), space, origin, cosine, &mut lit);
+        lit.direct *= counts;
         lit
     }
 

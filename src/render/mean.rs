@@ -62,6 +62,15 @@ impl Mean {
         self.sums[pixel].beauty.as_vec3()
     }
 
+    /// Variance of the beauty, mean over channels and the pixels in which something is seen; none of a single pass.
+    #[must_use]
+    pub fn variance(&self) -> Option<f64> {
+        let n = f64::from(self.passes);
+        let seen = self.sums.iter().filter(|sum| sum.alpha > 0.0);
+        let (sum, count) = seen.fold((0.0, 0.0), |(sum, count), of| (sum + of.squares.element_sum(), count + 3.0_f64));
+        (self.passes > 1).then(|| sum / (n * (n - 1.0)) / count.max(1.0))
+    }
+
     /// The picture: of a single pass that pass itself, to the bit. With its standard error where there are two or more.
     #[must_use]
     pub fn film(self) -> Film {

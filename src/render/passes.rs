@@ -1,5 +1,7 @@
 //! A scene made ready once and rendered in passes: pictures of the same expectation that differ in their random numbers only.
 
+use std::collections::{BTreeMap, HashMap};
+
 use rayon::prelude::*;
 
 use super::RenderError;
@@ -8,13 +10,14 @@ use super::clock::Clock;
 use super::costs::Measured;
 use super::film::{Film, Pixel};
 use super::lighting::Lighting;
+use super::photons::Photons;
 use super::pipeline::{Options, tiles};
 use super::progress::Progress;
 use super::reflections::Reflections;
 use super::statistics::{SpecularCut, Statistics, Watch};
 use super::tile::{Frame, Tile, TileSpace};
 use crate::effects::Effects;
-use crate::fragment::{Bins, PixelRect, TileGrid};
+use crate::fragment::{Bins, PixelRect, TileGrid, scan_convert};
 use crate::hash::hash;
 use crate::scene::Scene;
 use crate::tally;
@@ -40,6 +43,37 @@ pub struct Prepared<'s> {
     marked: Vec<[u32; 2]>,
 }
 
+/// Single pixels, and the hair in each.
+#[derive(Clone, Debug, Default)]
+pub struct Selection {
+    at: Vec<[u32; 2]>,
+    segments: Vec<Vec<u32>>,
+}
+
+impl Selection {
+    /// Number of pixels.
+    pub fn len(&self) -> usize {
+        self.at.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.at.is_empty()
+    }
+
+    /// Only so many of them, the first.
+    pub fn truncate(&mut self, count: usize) {
+        self.at.truncate(count);
+        self.segments.truncate(count);
+    }
+
+    /// In parts of so many, the last of them smaller.
+    pub fn parts(&self, of: usize) -> impl Iterator<Item = Self> + '_ {
+        let parts = self.at.chunks(of).zip(self.segments.chunks(of));
+        parts.map(|(at, segments)| Self { at: at.to_vec(), segments: segments.to_vec() })
+    }
+}
+
 /// Single pixels, and the work that they took.
 #[derive(Clone, Debug, Default)]
 pub struct Pixels {
@@ -47,6 +81,8 @@ pub struct Pixels {
     pub pixels: Vec<Pixel>,
     pub hair_points: u64,
     pub surface_points: u64,
+    /// Of hair.
+    pub fragments: u64,
 }
 
 impl<'s> Prepared<'s> {
@@ -56,6 +92,19 @@ impl<'s> Prepared<'s> {
     /// # Errors
     /// As [`super::render`].
     pub fn new(scene: &'s mut Scene, options: &Options, progress: &dyn Progress) -> Result<Self, RenderError> {
+        Self::with_photons(scene, options, None, progress)
+    }
+
+    /// The same with photons that were traced before, where these are what the scene calls for; else it traces its own.
+    ///
+    /// # Errors
+    /// As [`super::render`].
+    pub fn with_photons(
+        scene: &'s mut Scene,
+        options: &Options,
+        photons: Option<Photons>,
+        progress: &dyn Progress,
+    ) -> Result<Self, RenderError> {
         // What was counted before is another's.
         let _ = tally::take();
         let watch = Watch::start();
@@ -78,7 +127,10 @@ impl<'s> Prepared<'s> {
         if effects.calibration {
             statistics.stage("calibrating", &watch);
         }
-        if effects.photons || effects.caustics {
+        let photons = photons.filter(|photons| photons.name == Photons::name(lighting.scene(), &effects));
+        if let Some(photons) = photons {
+            lighting.set_photons(photons);
+        } else if effects.photons || effects.caustics {
             let watch = Watch::start();
             progress.stage("tracing photons", 0);
             lighting.trace_photons(progress)?;
@@ -92,6 +144,11 @@ impl<'s> Prepared<'s> {
         statistics.stage("binning", &watch);
         statistics.work = tally::take();
         Ok(Self { lighting, full_size, grid, bins, statistics, clock: Clock::default(), marked: Vec::new() })
+    }
+
+    /// Its photons, for another picture of the same scene.
+    pub fn into_photons(mut self) -> Photons {
+        self.lighting.take_photons()
     }
 
     /// The scene, its surfaces taken out.
@@ -174,18 +231,51 @@ impl<'s> Prepared<'s> {
         Ok(film)
     }
 
-    /// Renders single pixels (columns and rows in the whole picture, inside the window), each as [`Self::pass`] with this seed would.
+    /// Single pixels to be rendered: columns and rows in the whole picture, inside the window. They hold for any picture of the same hair by the same camera.
+    pub fn select(&self, at: &[[u32; 2]]) -> Selection {
+        let frame = Frame::new(&self.lighting);
+        let mut by_tile: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (number, &[x, y]) in at.iter().enumerate() {
+            by_tile.entry(self.grid.index_at(x, y)).or_default().push(number);
+        }
+        let by_tile: Vec<(usize, Vec<usize>)> = by_tile.into_iter().collect();
+        let projection = frame.scene.camera.projection();
+        let touching = |(tile, numbers): &(usize, Vec<usize>)| {
+            let rect = self.grid.tile(*tile);
+            let slots: HashMap<[u32; 2], usize> = numbers.iter().enumerate().map(|(slot, &n)| (at[n], slot)).collect();
+            let mut lists = vec![Vec::new(); numbers.len()];
+            for &segment in self.bins.tile(*tile) {
+                scan_convert(&frame.segment(segment), &projection, &rect, |x, y, _| {
+                    let list = slots.get(&[x, y]).map(|&slot| &mut lists[slot]);
+                    if let Some(list) = list.filter(|list| list.last() != Some(&segment)) {
+                        list.push(segment);
+                    }
+                });
+            }
+            lists
+        };
+        let found: Vec<Vec<Vec<u32>>> = by_tile.par_iter().with_max_len(1).map(touching).collect();
+        let mut segments = vec![Vec::new(); at.len()];
+        for ((_, numbers), lists) in by_tile.iter().zip(found) {
+            numbers.iter().zip(lists).for_each(|(&number, list)| segments[number] = list);
+        }
+        Selection { at: at.to_vec(), segments }
+    }
+
+    /// Renders single pixels, each as [`Self::pass`] with this seed would.
     ///
     /// # Errors
     /// Cancelled work.
-    pub fn pixels(&self, at: &[[u32; 2]], seed: u32, progress: &dyn Progress) -> Result<Pixels, RenderError> {
+    pub fn pixels(&self, selection: &Selection, seed: u32, progress: &dyn Progress) -> Result<Pixels, RenderError> {
         let frame = Frame { seed, ..Frame::new(&self.lighting) };
-        let tiles: Option<Vec<Tile>> = at
+        let tiles: Option<Vec<Tile>> = selection
+            .at
             .par_iter()
+            .zip(&selection.segments)
             .with_max_len(1)
-            .map_init(TileSpace::default, |space, &[x, y]| {
+            .map_init(TileSpace::default, |space, (&[x, y], segments)| {
                 let rect = PixelRect { min: [x, y], max: [x + 1, y + 1] };
-                let tile = frame.render(&rect, self.bins.tile(self.grid.index_at(x, y)), space, progress);
+                let tile = frame.render(&rect, segments, space, progress);
                 progress.advance(1);
                 tile
             })
@@ -194,6 +284,7 @@ impl<'s> Prepared<'s> {
         for tile in tiles.ok_or(RenderError::Cancelled)? {
             all.hair_points += tile.hair_points;
             all.surface_points += tile.surface_points;
+            all.fragments += tile.fragments;
             all.pixels.extend(tile.pixels);
         }
         Ok(all)

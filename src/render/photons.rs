@@ -1,10 +1,30 @@
 //! The photons that a scene asks for, as its settings say. Neither map is made where its effect is off.
 
+use super::costs::Built;
 use super::progress::Progress;
 use crate::effects::Effects;
 use crate::hair::strands::bounds;
 use crate::illumination::{Caustics, Illumination, PhotonMap, photon};
 use crate::scene::Scene;
+
+/// Photons that were traced once, for pictures of the same scene that differ in settings which photons do not know.
+#[derive(Debug)]
+pub struct Photons {
+    pub(super) reflected: Option<PhotonMap>,
+    pub(super) caustics: Option<Caustics>,
+    /// What they took.
+    pub(super) built: Vec<Built>,
+    /// Their seed and, where light of the environment's faces is among it, the number of faces.
+    pub(super) name: [u32; 2],
+}
+
+impl Photons {
+    /// What tells one scene's photons apart.
+    pub(super) fn name(scene: &Scene, effects: &Effects) -> [u32; 2] {
+        let description = scene.description();
+        [description.sampling.seed, if effects.environment { description.occlusion.face_count() } else { 0 }]
+    }
+}
 
 /// Light that surfaces reflect more than once. `hair(origin, direction, far)` is what hair lets through.
 pub(super) fn reflected(

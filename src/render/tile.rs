@@ -8,6 +8,7 @@ use super::clock::{Clock, Lap, Part};
 use super::cpu;
 use super::estimator::transmittance_rule;
 use super::film::{EMPTY_DEPTH, Pixel};
+use super::lamp_lit::{FromLamps, LampLit};
 use super::lighting::{Lighting, Lit, Workspace};
 use super::progress::Progress;
 use super::reflections::Reflections;
@@ -35,6 +36,10 @@ const HAIR_POINT: u32 = 0x4841_4952;
 const SURFACE_POINT: u32 = 0x5355_5246;
 const DRAWN_LAYERS: u32 = 0x4C41_5952;
 const SPECULAR: u32 = 0x5350_4543;
+const MORE_SAMPLES: u32 = 0x4D4F_5245;
+
+/// So many times the surface samples along the side of a pixel in which lamps light a surface unevenly.
+const FINER: u32 = 4;
 
 /// What all tiles of a picture share.
 pub(super) struct Frame<'a> {
@@ -60,6 +65,7 @@ pub(super) struct TileSpace {
     pub(super) hair: Vec<HairFragment>,
     pub(super) surfaces: SurfacePixel,
     met: Vec<SurfacePoint>,
+    from_lamps: FromLamps,
     /// Directions of the rays that met these; only where there are mirrors or glass.
     directions: Vec<Vec3>,
     specular: SpecularPixel,
@@ -79,6 +85,8 @@ pub(super) struct Point {
     pub what: What,
     /// How it is seen, where it is by way of mirrors or glass.
     pub by_way: Option<ByWay>,
+    /// Where lamps light it, if elsewhere in the pixel.
+    pub lamp_lit: Option<LampLit>,
 }
 
 /// A point that the camera does not see itself.
@@ -222,22 +230,8 @@ impl<'a> Frame<'a> {
     }
 
     fn collect_pixel(&self, index: u32, pixel: [u32; 2], space: &mut TileSpace) -> Pixel {
-        let TileSpace { hair, surfaces, met, directions, layers, shaded, points, workspace, .. } = space;
-        surfaces.samples.clear();
-        surfaces.groups.clear();
-        if let Some(scene) = self.lighting.illumination().surfaces.as_ref().filter(|_| !ABSENT) {
-            let mut lap = Lap::start();
-            met.clear();
-            directions.clear();
-            let specular = self.lighting.effects().specular;
-            let hit = |origin, direction| {
-                let hit = self.camera_ray(scene, origin, direction, met);
-                directions.extend(hit.is_some_and(|_| specular).then_some(direction));
-                hit
-            };
-            surfaces.gather(self.camera(), pixel, self.per_side, self.seed, hit);
-            lap.ends(Part::CameraRays, &mut workspace.clock);
-        }
+        self.meet_surfaces(pixel, space);
+        let TileSpace { hair, surfaces, met, from_lamps, layers, shaded, points, .. } = space;
         let transparency = |fragment: &HairFragment| self.transparency(fragment);
         layers.composite(hair, transparency, &surfaces.samples, surfaces.groups.len());
         match self.layer_choice {
@@ -257,11 +251,21 @@ impl<'a> Frame<'a> {
                 depth: fragment.depth,
                 what,
                 by_way: None,
+                lamp_lit: None,
             });
         }
-        for (group, &weight) in surfaces.groups.iter().zip(&layers.group_weights).filter(|(_, weight)| **weight > 0.0) {
-            let what = What::Surface(met[group.hit.index as usize]);
-            points.push(Point { pixel: index, weight: weight as f32, depth: group.hit.depth, what, by_way: None });
+        for (number, (group, &weight)) in surfaces.groups.iter().zip(&layers.group_weights).enumerate() {
+            if weight <= 0.0 {
+                continue;
+            }
+            let (at, lamp_lit) = if self.layer_choice == LayerChoice::Drawn {
+                let (gathers, lit) = from_lamps.draw(&surfaces.samples, number, [self.seed, pixel[0], pixel[1]]);
+                (gathers, lit.map(|(at, counts)| LampLit { at: met[at], counts }))
+            } else {
+                (group.hit.index as usize, None)
+            };
+            let (weight, depth, what) = (weight as f32, group.hit.depth, What::Surface(met[at]));
+            points.push(Point { pixel: index, weight, depth, what, by_way: None, lamp_lit });
         }
         let beauty = if self.background && layers.background() > 0.0 {
             let (_, direction) = self.camera().ray(f64::from(pixel[0]) + 0.5, f64::from(pixel[1]) + 0.5);
@@ -270,6 +274,36 @@ impl<'a> Frame<'a> {
             Vec3::ZERO
         };
         Pixel { alpha: layers.alpha as f32, beauty, ..Pixel::default() }
+    }
+
+    /// The surfaces in a pixel; with more samples where layers are drawn and lamps light one of them unevenly: those that tell so are not among them, so that
+    /// the mean stays right.
+    fn meet_surfaces(&self, pixel: [u32; 2], space: &mut TileSpace) {
+        let TileSpace { surfaces, met, directions, from_lamps, workspace, .. } = space;
+        surfaces.samples.clear();
+        surfaces.groups.clear();
+        let Some(scene) = self.lighting.illumination().surfaces.as_ref().filter(|_| !ABSENT) else { return };
+        let mut lap = Lap::start();
+        let specular = self.lighting.effects().specular;
+        let drawn = self.layer_choice == LayerChoice::Drawn;
+        for (per_side, seed) in [(self.per_side, self.seed), (FINER * self.per_side, hash(&[MORE_SAMPLES, self.seed]))]
+        {
+            met.clear();
+            directions.clear();
+            let hit = |origin, direction| {
+                let hit = self.camera_ray(scene, origin, direction, met);
+                directions.extend(hit.is_some_and(|_| specular).then_some(direction));
+                hit
+            };
+            surfaces.gather(self.camera(), pixel, per_side, seed, hit);
+            if drawn {
+                from_lamps.find(met, |point| self.lighting.light_of_lamps(point));
+            }
+            if !drawn || !from_lamps.uneven(&surfaces.samples, surfaces.groups.len()) {
+                break;
+            }
+        }
+        lap.ends(Part::CameraRays, &mut workspace.clock);
     }
 
     /// What the samples of a pixel see in mirrors and glass: points of their own, and the sky.
@@ -299,7 +333,7 @@ impl<'a> Frame<'a> {
             };
             if weight > 0.0 {
                 let by_way = Some(ByWay { tint: color / weight, view: seen.view, index: count });
-                points.push(Point { pixel: index, weight, depth: 0.0, what, by_way });
+                points.push(Point { pixel: index, weight, depth: 0.0, what, by_way, lamp_lit: None });
                 count += 1;
             }
         });
@@ -358,7 +392,7 @@ impl<'a> Frame<'a> {
         let view = point.by_way.map_or_else(straight, |by_way| by_way.view);
         match &point.what {
             What::Hair { sample, .. } => self.lighting.hair(sample, self.object(sample), view, key, space),
-            What::Surface(hit) => self.lighting.surface(hit, key, space),
+            What::Surface(hit) => self.lighting.surface(hit, point.lamp_lit.as_ref(), key, space),
         }
     }
 

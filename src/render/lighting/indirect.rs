@@ -10,7 +10,7 @@ use crate::render::costs::Built;
 use crate::render::cpu;
 use crate::render::estimator::Estimator;
 use crate::render::faces::{Arriving, Roulette};
-use crate::render::photons;
+use crate::render::photons::{self, Photons};
 use crate::render::progress::Progress;
 use crate::render::reflections::Reflections;
 use crate::scene::description::EffectName;
@@ -87,6 +87,22 @@ impl Lighting<'_> {
         self.light.set_caustics(kept);
         self.built.extend([reflected, thrown]);
         Ok(())
+    }
+
+    /// Takes out the photons that were traced.
+    pub(in crate::render) fn take_photons(&mut self) -> Photons {
+        let (reflected, caustics) = self.light.take_maps();
+        let of_photons =
+            |built: &Built| matches!(built.effect, EffectName::MoreThanOneReflection | EffectName::Caustics);
+        let built = self.built.iter().filter(|built| of_photons(built)).copied().collect();
+        Photons { reflected, caustics, built, name: Photons::name(self.scene, &self.effects) }
+    }
+
+    /// Counts photons that were traced before.
+    pub(in crate::render) fn set_photons(&mut self, photons: Photons) {
+        self.light.set_photons(photons.reflected);
+        self.light.set_caustics(photons.caustics);
+        self.built.extend(photons.built);
     }
 
     /// Adds the estimators of Γ that are only forced on. After [`settle`](crate::render::settle), whose business they are not.

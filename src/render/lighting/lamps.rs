@@ -9,9 +9,20 @@ use crate::illumination::lights::Incident;
 use crate::render::clock::{Lap, Part};
 use crate::render::shadows::HairShadow;
 use crate::shadow::Point;
+use crate::surface::SurfacePoint;
 use crate::tally::{self, Work};
 
 impl Lighting<'_> {
+    /// What lights without extent would send to a point on a surface if nothing were in the way, the mean of the channels: W/m².
+    pub(in crate::render) fn light_of_lamps(&self, point: &SurfacePoint) -> f32 {
+        if ABSENT || !self.effects.lamps() {
+            return 0.0;
+        }
+        let position = point.leaving();
+        let incident = self.light.direct.iter().filter_map(|lamp| lamp.light.incident(position));
+        incident.map(|i| i.irradiance.element_sum() / 3.0 * i.toward.dot(point.normal).max(0.0)).sum()
+    }
+
     /// Lights without extent: through surfaces by a ray each, through hair as each of them asks for.
     /// Rays to them leave from `origin(direction)`.
     pub(super) fn direct(

@@ -50,7 +50,7 @@ pub enum LayerChoice {
     Seen,
     /// Those of lowest γ, as in the paper: the most opaque, hidden by other hair or not.
     Gamma,
-    /// Drawn by chance so that each counts in the mean what is seen of it: noise in place of a lasting error. For many `passes`.
+    /// Drawn by chance so that each counts in the mean what is seen of it: noise in place of a lasting error. Surfaces have a point drawn in the pixel, too, and lamps are counted at all of its samples. For many `passes`.
     Drawn,
 }
 

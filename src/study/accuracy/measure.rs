@@ -7,6 +7,7 @@ use super::run::StudyError;
 use super::settings::Facts;
 use super::state::{Measured, file_hash, key};
 use crate::effects::Effects;
+use crate::fragment::PixelRect;
 use crate::hash::hash;
 use crate::image::RgbImage;
 use crate::render::progress::Progress;
@@ -38,6 +39,8 @@ pub(super) struct Bench<'a> {
     /// The user's overrides and the size of the picture.
     fixed: Vec<String>,
     scene: Scene,
+    /// The part of the picture that is rendered.
+    window: PixelRect,
     facts: Facts,
     surfaces: SurfaceModel,
     threads: Option<usize>,
@@ -69,10 +72,11 @@ impl Pace {
 const LAYERS: &str = "output.layers=[\"beauty\", \"alpha\"]";
 
 impl<'a> Bench<'a> {
-    /// Loads a scene at a size.
+    /// Loads a scene at a size: of the whole picture or, of a crop, so many pixels around its middle.
     pub fn new(
         path: &Path,
         overrides: &[String],
+        crop: Option<PixelRect>,
         size: Option<[u32; 2]>,
         threads: Option<usize>,
         progress: &'a dyn Progress,
@@ -80,7 +84,8 @@ impl<'a> Bench<'a> {
         progress.stage("loading", 0);
         let mut fixed = overrides.to_vec();
         fixed.push(LAYERS.to_owned());
-        fixed.extend(size.map(|[width, height]| format!("camera.resolution=[{width}, {height}]")));
+        let whole = size.filter(|_| crop.is_none());
+        fixed.extend(whole.map(|[width, height]| format!("camera.resolution=[{width}, {height}]")));
         let document = scene::load(path, &fixed)?;
         let files: Vec<String> = document
             .description
@@ -91,7 +96,12 @@ impl<'a> Bench<'a> {
             .chain(document.description.environment.file.as_ref())
             .map(|file| file_hash(&document.resolve(file)))
             .collect();
-        let parts = [env!("CARGO_PKG_VERSION"), &document.source_hash, &fixed.join("\n"), &files.join("\n")];
+        let window = match crop {
+            Some(crop) => middle(&crop, size),
+            None => PixelRect::image(document.description.camera.resolution),
+        };
+        let seen = format!("{window:?}");
+        let parts = [env!("CARGO_PKG_VERSION"), &document.source_hash, &fixed.join("\n"), &files.join("\n"), &seen];
         let (base, seed) = (key(&parts), document.description.sampling.seed);
         let scene = Scene::load(document)?;
         let surfaces = scene.surfaces.clone();
@@ -103,7 +113,7 @@ impl<'a> Bench<'a> {
             size: scene.space.scene_length(1.0),
             sources_left: environment.file.is_some() && environment.sources == EnvironmentSources::None,
         };
-        Ok(Self { path: path.to_owned(), fixed, scene, facts, surfaces, threads, seed, base, progress })
+        Ok(Self { path: path.to_owned(), fixed, scene, window, facts, surfaces, threads, seed, base, progress })
     }
 
     /// Of the scene as it is.
@@ -111,8 +121,9 @@ impl<'a> Bench<'a> {
         &self.facts
     }
 
+    /// Columns and rows that are rendered.
     pub fn size(&self) -> [u32; 2] {
-        self.scene.description().camera.resolution
+        [0, 1].map(|axis| self.window.max[axis] - self.window.min[axis])
     }
 
     pub fn exposure(&self) -> f32 {
@@ -158,7 +169,7 @@ impl<'a> Bench<'a> {
     pub fn render(&mut self, label: &str, set: &[String], seed: u32) -> Result<(Measured, Picture), StudyError> {
         self.set(&[set, &[format!("sampling.seed={seed}")]].concat())?;
         let own_peak = reset_peak();
-        let options = render::Options { window: None, threads: self.threads };
+        let options = render::Options { window: Some(self.window), threads: self.threads };
         let (film, statistics) = render::render(&mut self.scene, &options, &Quiet(self.progress))?;
         let (key, label) = (self.key(set, seed), label.to_owned());
         let measured = Measured { key, label, seed, stages: statistics.stages, peak_bytes: peak_memory(), own_peak };
@@ -177,9 +188,9 @@ impl<'a> Bench<'a> {
         let first = seeds.first().map(|seed| format!("sampling.seed={seed}"));
         self.set(&[set, first.as_slice()].concat())?;
         let (threads, base, progress) = (self.threads, self.base.clone(), self.progress);
+        let options = render::Options { window: Some(self.window), threads };
         let own_peak = reset_peak();
         let (scene, quiet) = (&mut self.scene, Quiet(progress));
-        let options = render::Options { window: None, threads };
         with_threads(threads, || {
             let mut prepared = Prepared::new(scene, &options, &quiet)?;
             let mut before = prepared.statistics().stages.clone();
@@ -212,10 +223,10 @@ impl<'a> Bench<'a> {
         self.set(set)?;
         let (threads, quiet, pixels) = (self.threads, Quiet(self.progress), self.probed());
         let passes = self.scene.description().passes();
+        let options = render::Options { window: Some(self.window), threads };
         let scene = &mut self.scene;
         with_threads(threads, || {
             let watch = Watch::start();
-            let options = render::Options { window: None, threads };
             let mut prepared = Prepared::new(scene, &options, &quiet)?;
             let before = watch.elapsed().as_secs_f64();
             let watch = Watch::start();
@@ -223,6 +234,14 @@ impl<'a> Bench<'a> {
             Ok(Pace { before, pixel: watch.elapsed().as_secs_f64() / pixels * f64::from(passes) })
         })?
     }
+}
+
+/// As many pixels around the middle of a rectangle; all of it without a size.
+fn middle(crop: &PixelRect, size: Option<[u32; 2]>) -> PixelRect {
+    let whole = [0, 1].map(|axis| crop.max[axis] - crop.min[axis]);
+    let size = size.unwrap_or(whole);
+    let min = [0, 1].map(|axis| crop.min[axis] + (whole[axis] - size[axis].min(whole[axis])) / 2);
+    PixelRect { min, max: [0, 1].map(|axis| (min[axis] + size[axis]).min(crop.max[axis])) }
 }
 
 fn picture(film: &Film) -> Picture {
@@ -238,4 +257,17 @@ fn picture(film: &Film) -> Picture {
 fn reset_peak() -> bool {
     // 5: the number of the kernel's manual (proc(5), clear_refs) for the peak resident set size.
     std::fs::write("/proc/self/clear_refs", "5").is_ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_crop_shrinks_around_its_middle() {
+        let crop = PixelRect { min: [10, 20], max: [50, 40] };
+        assert_eq!(middle(&crop, None), crop);
+        assert_eq!(middle(&crop, Some([20, 10])), PixelRect { min: [20, 25], max: [40, 35] });
+        assert_eq!(middle(&crop, Some([1, 1])), PixelRect { min: [29, 29], max: [30, 30] });
+    }
 }

@@ -45,6 +45,8 @@ pub(super) struct Plan {
 pub(super) struct Wish<'a> {
     /// The largest pictures.
     pub size: [u32; 2],
+    /// Whether they are a part of a picture, whose pixels stay as they are.
+    pub crop: bool,
     /// Of a render.
     pub cases: &'a [Pace],
     /// Of a pass, from the coarsest to the finest that is of use.
@@ -139,6 +141,8 @@ impl Wish<'_> {
         let [from, to] = [self.size, plan.size].map(|[w, h]| format!("{w}x{h}"));
         if from == to {
             Vec::new()
+        } else if self.crop {
+            vec![format!("pictures are of the middle {to} pixels in place of {from}")]
         } else {
             vec![format!(
                 "pictures are of {to} pixels in place of {from}: a pixel sees more hair, so layers err by more"
@@ -157,7 +161,7 @@ mod tests {
     const REFERENCE: Pace = Pace { before: 1.0, pixel: 1e-3 };
 
     fn of(cases: &[Pace], references: &[Pace], budget: Option<f64>) -> Plan {
-        Wish { size: [512, 256], cases, references, repeats: 2, kept: 1, budget }.plan()
+        Wish { size: [512, 256], crop: false, cases, references, repeats: 2, kept: 1, budget }.plan()
     }
 
     #[test]

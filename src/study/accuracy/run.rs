@@ -13,6 +13,7 @@ use super::results::{Machine, Point, Reference, Study};
 use super::settings::{Case, KNOB, REFERENCES, Skipped, cases, reference};
 use super::state::{Measured, State, key};
 use crate::file::{read_regular, write_whole};
+use crate::fragment::PixelRect;
 use crate::image::RgbImage;
 use crate::render::RenderError;
 use crate::render::progress::Progress;
@@ -24,6 +25,8 @@ use crate::scene::{AssetError, SceneError};
 pub struct Options {
     /// Settings of all renders, as after `--set`.
     pub overrides: Vec<String>,
+    /// The part of the picture that is looked at; all of it where none.
+    pub crop: Option<PixelRect>,
     /// Where everything goes; made if it is not there.
     pub folder: PathBuf,
     /// Seconds of the clock on the wall that it may take.
@@ -123,7 +126,7 @@ struct Planned<'a> {
 fn planned<'a>(scene: &Path, options: &Options, progress: &'a dyn Progress) -> Result<Planned<'a>, StudyError> {
     let begin = Instant::now();
     let threads = options.threads;
-    let bench = Bench::new(scene, &options.overrides, None, threads, progress)?;
+    let bench = Bench::new(scene, &options.overrides, options.crop, None, threads, progress)?;
     bench.notes().iter().for_each(|note| progress.message(&format!("note: {note}")));
     let size = bench.size();
     let (cases, skipped) = cases(bench.facts());
@@ -141,7 +144,7 @@ fn planned<'a>(scene: &Path, options: &Options, progress: &'a dyn Progress) -> R
         }
     };
     drop(bench);
-    let bench = Bench::new(scene, &options.overrides, Some(plan.size), threads, progress)?;
+    let bench = Bench::new(scene, &options.overrides, options.crop, Some(plan.size), threads, progress)?;
     Ok(Planned { plan, cases, paces, skipped, bench })
 }
 
@@ -155,7 +158,7 @@ fn new_plan(
 ) -> Result<(Plan, Vec<Pace>), StudyError> {
     let scale = (PROBE_SIDE / f64::from(size[0].min(size[1]))).min(1.0);
     let small = size.map(|side| (f64::from(side) * scale).round().max(1.0) as u32);
-    let mut bench = Bench::new(scene, &options.overrides, Some(small), options.threads, progress)?;
+    let mut bench = Bench::new(scene, &options.overrides, options.crop, Some(small), options.threads, progress)?;
     progress.stage("probing", cases.len() as u64 + 1);
     let paces = match options.budget {
         Some(budget) => probe(&mut bench, cases, budget)?,
@@ -164,6 +167,7 @@ fn new_plan(
     let knobs = cases.iter().filter(|case| case.setting.starts_with("knob")).count();
     let wish = Wish {
         size,
+        crop: options.crop.is_some(),
         cases: &paces.cases,
         references: &paces.references,
         repeats: options.repeats,

@@ -1,14 +1,22 @@
 //! The settings that a picture to an error or a time may have, those of its reference, and the work of a pass.
 
-use crate::render::Prepared;
-use crate::scene::description::{Description, LayerChoice, OcclusionMode, ProjectionRule};
+use crate::render::{Pixels, Prepared};
+use crate::scene::description::{Description, IndirectMode, LayerChoice, OcclusionMode, ProjectionRule};
 
-/// Faces of the reference, and layers of one of its rounds.
+/// Faces of the reference where no error is asked for; where one is, so many over it, within bounds: what faces err by falls with their number.
 const FACES: u32 = 100;
-const LAYERS: u32 = 16;
+const FACES_FOR: f64 = 2.0;
+const LEAST_FACES: f64 = 36.0;
+const MOST_FACES: f64 = 256.0;
+/// Layers of one of its rounds.
+const LAYERS: u32 = 8;
 
-/// Work of a look from a face, of a shadow ray to an area light and of the sum over a face, in lanes of the projection's kernels.
+/// Work of a look from a face, of lighting the surface that it meets, of a shadow ray to an area light, of the sum over a face, of a fragment of hair and of a
+/// camera ray, in lanes of the projection's kernels: by the CPU times of parts of `scenes/cornell.toml` at 64x64 pixels, where a lane took some 15 ns.
 const LOOK: f64 = 20.0;
+const REFLECTED: f64 = 60.0;
+const FRAGMENT: f64 = 12.0;
+const CAMERA_RAY: f64 = 50.0;
 const SHADOW: f64 = 40.0;
 const FACE: f64 = 3.0;
 
@@ -31,27 +39,30 @@ pub fn set(description: &mut Description, values: &[&str; 5]) {
 }
 
 /// The settings of the reference: what they err by falls with the number of rounds, but for the faces.
-pub fn set_truth(description: &mut Description) {
+pub fn set_truth(description: &mut Description, error: Option<f64>) {
+    let faces = error.map_or(FACES, |error| (FACES_FOR / error).clamp(LEAST_FACES, MOST_FACES) as u32);
     let occlusion = &mut description.occlusion;
     if occlusion.mode != OcclusionMode::None {
         occlusion.mode = OcclusionMode::Raytraced;
     }
     (occlusion.opening, occlusion.thinning) = (None, None);
     occlusion.projection = ProjectionRule::Sphere;
-    occlusion.rays = Some(2 * FACES);
-    occlusion.faces = Some(FACES);
+    occlusion.rays = Some(2 * faces);
+    occlusion.faces = Some(faces);
     description.sampling.layers = LAYERS;
     description.sampling.layer_choice = LayerChoice::Drawn;
     description.sampling.area_light_samples = 64;
     description.sampling.surface_samples = 64;
 }
 
-/// Work of shading points, in lanes: counted, so that it is the same in every run.
-pub fn work(prepared: &Prepared<'_>, hair_points: u64, surface_points: u64) -> f64 {
+/// Work of pixels, in lanes: counted, so that it is the same in every run.
+pub fn work(prepared: &Prepared<'_>, pixels: &Pixels) -> f64 {
     let scene = prepared.scene();
     let description = scene.description();
     let faces = f64::from(description.occlusion.face_count());
-    let look = if prepared.statistics().triangles > 0 { LOOK } else { 0.0 };
+    let surfaces = prepared.statistics().triangles > 0;
+    let reflected = if description.indirect.mode == IndirectMode::None { 0.0 } else { REFLECTED };
+    let look = if surfaces { LOOK + reflected } else { 0.0 };
     let lights = scene.area.len() as f64 * f64::from(description.sampling.area_light_samples) * SHADOW;
     let settled = prepared.statistics().occlusion.as_ref();
     let fixed = f64::from(description.occlusion.rays.unwrap_or(0)) * 4.0 * LOOK;
@@ -65,5 +76,9 @@ pub fn work(prepared: &Prepared<'_>, hair_points: u64, surface_points: u64) -> f
     };
     let hair = gamma(true) + 2.0 * faces * (look + FACE) + lights;
     let surface = gamma(false) + faces * (look + FACE) + lights;
-    hair_points as f64 * hair + surface_points as f64 * surface
+    let samples = if surfaces { f64::from(description.sampling.surface_samples) } else { 0.0 };
+    pixels.hair_points as f64 * hair
+        + pixels.surface_points as f64 * surface
+        + pixels.fragments as f64 * FRAGMENT
+        + pixels.pixels.len() as f64 * samples * CAMERA_RAY
 }

@@ -10,6 +10,8 @@ pub const MOST_PASSES: u32 = 10_000;
 #[derive(Clone, Copy, Debug)]
 pub struct Truth {
     pub at: [u32; 2],
+    /// How much it counts in a mean over the pixels drawn: 1 on average.
+    pub weight: f64,
     /// Beauty, from two independent halves.
     pub halves: [[f64; 3]; 2],
 }
@@ -59,19 +61,19 @@ impl Worth {
     pub fn new(truths: &[Truth], runs: &[Vec<[f64; 3]>], level: f64) -> Self {
         let count = runs.len() as f64;
         let (mut sum, mut squares, mut noise) = (0.0, 0.0, 0.0);
+        let level2 = level * level;
         for (index, truth) in truths.iter().enumerate() {
             // The products of different runs have the bias alone in them: Σ a b = (Σ a)² - Σ a².
             let all = [0, 1, 2].map(|c| runs.iter().map(|run| run[index][c] - truth.mean(c)).sum::<f64>());
             let of_all = all.iter().map(|sum| sum * sum).sum::<f64>() / 3.0;
             let of_each = runs.iter().map(|run| truth.product(run[index], run[index])).sum::<f64>();
-            let bias = (of_all - of_each) / (count * (count - 1.0)) - truth.variance();
+            let bias = truth.weight * ((of_all - of_each) / (count * (count - 1.0)) - truth.variance());
             sum += bias;
             squares += bias * bias;
-            noise += (of_each - of_all / count) / (count - 1.0);
+            noise += truth.weight * (of_each - of_all / count) / (count - 1.0);
         }
         let n = truths.len().max(1) as f64;
         let variance = (squares / n - (sum / n).powi(2)).max(0.0) / n;
-        let level2 = level * level;
         Self { bias: (sum / n).max(0.0) / level2, doubt: variance.sqrt() / level2, noise: noise / n / level2 }
     }
 }
@@ -83,12 +85,6 @@ impl Trial {
         let passes = (self.worth.noise / room).ceil().max(1.0);
         (room > 0.0 && passes <= f64::from(MOST_PASSES)).then_some(passes as u32)
     }
-}
-
-/// Mean value of references.
-pub fn level(truths: &[Truth]) -> f64 {
-    let sum: f64 = truths.iter().map(|truth| (0..3).map(|c| truth.mean(c)).sum::<f64>() / 3.0).sum();
-    (sum / truths.len().max(1) as f64).max(1e-30)
 }
 
 /// The least work that reaches an error; infinite where nothing does.
@@ -131,10 +127,9 @@ mod tests {
     #[test]
     fn the_error_of_a_truth_is_without_its_noise() {
         // Halves 1 ± e: the mean is 1, its variance e²/... = (2e)²/4 = e².
-        let truth = Truth { at: [0, 0], halves: [[1.1; 3], [0.9; 3]] };
+        let truth = Truth { at: [0, 0], weight: 1.0, halves: [[1.1; 3], [0.9; 3]] };
         assert!((truth.variance() - 0.01).abs() < 1e-12);
         assert!((truth.product([1.2; 3], [1.3; 3]) - 0.06).abs() < 1e-12);
-        assert!((level(&[truth]) - 1.0).abs() < 1e-12);
     }
 
     #[test]
@@ -146,8 +141,9 @@ mod tests {
             sum - 6.0
         };
         let pixel = |key: [u32; 2], mean: f64, deviation: f64| [mean + deviation * normal(&key); 3];
-        let truths: Vec<Truth> =
-            (0..20_000).map(|i| Truth { at: [0, 0], halves: [1, 2].map(|half| pixel([half, i], 2.0, 0.2)) }).collect();
+        let truths: Vec<Truth> = (0..20_000)
+            .map(|i| Truth { at: [0, 0], weight: 1.0, halves: [1, 2].map(|half| pixel([half, i], 2.0, 0.2)) })
+            .collect();
         for runs in [2, 5] {
             let run = |n: u32| (0..20_000).map(|i| pixel([10 + n, i], 2.05, 0.3)).collect();
             let runs: Vec<Vec<[f64; 3]>> = (0..runs).map(run).collect();
