@@ -202,7 +202,7 @@ mod tests {
             Compared { pixel: [0, 0], site, projection, rays, halves: [rays; 2], difference, hair_distance: None }
         };
         let mut report = Report::new("a<b>&\"c\u{1}\u{FFFF}.toml".to_owned(), accuracy, 0, 1000);
-        report.judge(Population { hair: 10, surface: 10 }, (0..count).map(point).collect());
+        report.judge(Population { hair: 10, surface: 10 }, (0..count).map(point).collect(), Vec::new());
         report
     }
 
