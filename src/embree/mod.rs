@@ -12,7 +12,8 @@
 //! let corners = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
 //! let scene = TriangleScene::build(&Device::new()?, corners, vec![[0, 1, 2]])?;
 //! let hit = scene.closest(Vec3::new(0.25, 0.25, 2.0), Vec3::NEG_Z, 0.0, f32::INFINITY);
-//! assert_eq!(hit.map(|hit| hit.distance), Some(2.0));
+//! // Embree's reciprocals are rounded otherwise on each kind of processor.
+//! assert!(hit.is_some_and(|hit| (hit.distance - 2.0).abs() < 1e-6));
 //! # Ok::<(), tress::embree::Error>(())
 //! ```
 
