@@ -1,8 +1,8 @@
 //! Rendering to an error or to a time: settings found on the scene itself, passes until it is done, and the error that the picture then has.
 //!
-//! The error is looked at where it arises, in pixels drawn with a chance that grows with their light ([`pixels`]). For each there is a reference in
-//! two independent halves ([`references`]), of rays, many faces, layers drawn by chance and photons of their own. A first set of pixels chooses: for places of
-//! the knob ([`KNOB`]) they give bias and noise of a pass ([`trials`]), so that the work of enough passes is known before the first. A second set, with
+//! The error is looked at where it arises, in pixels drawn with a chance that grows with their light (`pixels`). For each there is a reference in
+//! two independent halves (`references`), of rays, many faces, layers drawn by chance and photons of their own. A first set of pixels chooses: for places of
+//! the knob (`KNOB`) they give bias and noise of a pass (`trials`), so that the work of enough passes is known before the first. A second set, with
 //! references of its own, judges the finished picture and nothing else, so that the error claimed is not that of the settings which were lucky at the pixels
 //! that chose them. What is judged is the picture itself: noise and bias need no model there.
 //!

@@ -42,7 +42,7 @@ pub struct Shadow {
 }
 
 impl Shadow {
-    /// Whether the mean difference is within an accuracy, and the RMS difference within [`FEW`] times it, on hair and on surfaces.
+    /// Whether the mean difference is within an accuracy, and the RMS difference within five times it, on hair and on surfaces.
     pub fn verdict(&self, accuracy: f64) -> Verdict {
         let kinds = [&self.hair, &self.surface].into_iter().flatten();
         let verdicts: Vec<Verdict> = kinds
