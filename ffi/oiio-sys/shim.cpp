@@ -130,6 +130,9 @@ oiio_shim_input* oiio_shim_input_open(const char* format, const char* path, char
         auto input = std::make_unique<oiio_shim_input>();
         input->reader = ImageInput::create(format);
         if (!input->reader) fail(OIIO::geterror(), "this OpenImageIO has no reader for the format");
+        // With threads of its own the TIFF reader unpacks strips itself, beyond what a short one holds; alone it leaves them to libtiff, which
+        // says so.
+        if (std::strcmp(input->reader->format_name(), "tiff") == 0) input->reader->threads(1);
         // Colour as it is stored, not multiplied by alpha: that product is only right on linear values.
         ImageSpec config;
         config.attribute("oiio:UnassociatedAlpha", 1);
