@@ -2,7 +2,7 @@
 
 mod common;
 
-use glam::{DVec2, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 use tress::effects::Effects;
 use tress::embree::Device;
@@ -10,7 +10,7 @@ use tress::hair::HairModel;
 use tress::hash::unit;
 use tress::occlusion::raytraced::Ray;
 use tress::occlusion::{HairRays, Transmittance};
-use tress::shadow::{Cone, DeepMap, MapError, Point, Settings, ShadowMap, View};
+use tress::shadow::{Cone, DeepMap, Footing, MapError, Point, Settings, ShadowMap, View};
 
 use common::models::{self, Style, grow, yuksel_straight};
 
@@ -79,23 +79,15 @@ fn spread(
     key: u32,
     per_side: u32,
 ) -> [f64; 2] {
-    let Some((seen, pixels)) = map.footing(point.position) else { return [1.0; 2] };
     [0, 1].map(|half| {
-        let mut sum = 0.0;
-        for (pixel, footing) in pixels.iter().enumerate() {
-            for stratum in 0..per_side * per_side {
-                let jitter = |axis| unit(&[key, half, pixel as u32, stratum, axis]);
-                let cell = DVec2::new((stratum % per_side).into(), (stratum / per_side).into());
-                let at =
-                    footing.corner + (cell + DVec2::new(jitter(0), jitter(1))) / f64::from(per_side) * footing.side;
-                let origin = map.view().point(seen.image, at, seen.depth);
-                let (direction, far) = lamp.from(origin);
-                let ray = Ray { origin, direction, far, on: point.hair.map(|(on, _)| on) };
-                let weight = footing.weight / f64::from(per_side * per_side);
-                sum += weight * f64::from(rays.transmittance(model, &ray, 0.0));
-            }
-        }
-        sum
+        let jitter = |pixel, stratum, axis| unit(&[key, half, pixel, stratum, axis]);
+        let Some(places) = map.footing(point.position, per_side, jitter) else { return 1.0 };
+        let left = |place: &Footing| {
+            let (direction, far) = lamp.from(place.origin);
+            let ray = Ray { origin: place.origin, direction, far, on: point.hair.map(|(on, _)| on) };
+            place.weight * f64::from(rays.transmittance(model, &ray, 0.0))
+        };
+        places.iter().map(left).sum()
     })
 }
 

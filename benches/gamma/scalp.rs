@@ -72,8 +72,10 @@ fn found(case: &Case, place: Place, scalp: &Surfaces) -> Fineness {
     };
     let receivers = case.receivers(place, place.points(), place.points() + 64);
     let sites: Vec<Site> = receivers.into_iter().enumerate().map(site).collect();
-    let reference = Reference::for_accuracy(case.rays(), &case.model, &sites, &igloo, ACCURACY);
-    calibrate(case.tree(), &case.model, &sites, &igloo, &reference, ACCURACY).fineness
+    let (rays, go_on) = (case.rays(), || false);
+    let reference = Reference::for_accuracy(rays, &case.model, &sites, &igloo, ACCURACY, &go_on).expect("it goes on");
+    let found = calibrate(case.tree(), &case.model, &sites, &igloo, &reference, ACCURACY, &go_on);
+    found.expect("it goes on").fineness
 }
 
 /// For each point the estimates Σ Γ̄ Λ̄ over the faces, one for each set of random numbers.

@@ -12,6 +12,7 @@ use crate::render::memory::Work;
 use crate::render::progress::Progress;
 use crate::scene::Scene;
 use crate::study::report::{Compared, Part, Site};
+use crate::study::shadow_check::Shadow;
 use crate::study::statistics::{Estimate, Summary};
 use crate::study::{Report, Settings, Verdict, crosscheck, plot};
 
@@ -118,40 +119,53 @@ fn json_of(report: &Report) -> Result<String, Failure> {
     serde_json::to_string_pretty(report).map(|text| text + "\n").map_err(|e| Failure::Bug(e.to_string()))
 }
 
-/// An error where the estimators differ by more than the accuracy.
+/// An error where the estimators differ by more than the accuracy, or deep shadow maps from rays.
 pub(super) fn verdict(report: &Report) -> Result<(), Failure> {
     if report.verdict != Verdict::Exceeded {
         return Ok(());
     }
+    let Report { scene, accuracy, .. } = report;
+    let faults = [
+        (
+            occlusion_faults(report),
+            "the two estimators of hair occlusion differ by more than the accuracy of",
+            ": RMS",
+            "ask for a finer occlusion.accuracy in place of occlusion.opening, or set occlusion.mode = \"raytraced\"",
+        ),
+        (
+            shadow_faults(report),
+            "deep shadow maps differ from rays by more than the accuracy of",
+            " in the mean, or five times that RMS:",
+            "give these lights a smaller map_error, or shadows = \"raytraced\"",
+        ),
+    ];
+    let said = faults.into_iter().filter(|(faults, ..)| !faults.is_empty());
+    let said = said
+        .map(|(faults, what, how, advice)| format!("{scene}: {what} {accuracy}{how} {}\n{advice}", faults.join(", ")));
+    Err(Failure::Disagreement(said.collect::<Vec<_>>().join("\n")))
+}
+
+/// The sets of points over which the estimators of Γ differ by too much.
+fn occlusion_faults(report: &Report) -> Vec<String> {
     let beyond = |part: &&Part| part.summary.rms.low.is_some_and(|low| low > report.accuracy);
     let fault = |(name, part): (&str, &Part)| {
         let rms = &part.summary.rms;
         format!("{:.4} {name} (at least {:.4})", rms.value, rms.low.unwrap_or_default())
     };
-    let mut faults: Vec<String> = report.judged().filter(|(_, part)| beyond(part)).map(fault).collect();
-    if !faults.is_empty() {
-        return Err(Failure::Disagreement(format!(
-            "{}: the two estimators of hair occlusion differ by more than the accuracy of {}: RMS {}\n\
-            ask for a finer occlusion.accuracy in place of occlusion.opening, or set occlusion.mode = \"raytraced\"",
-            report.scene,
-            report.accuracy,
-            faults.join(", ")
-        )));
-    }
-    let off = report.shadows.iter().filter(|shadow| shadow.verdict(report.accuracy) == Verdict::Exceeded);
-    faults.extend(off.map(|shadow| {
-        let mean = |part: &Option<Summary>| {
-            part.as_ref().map_or("-".to_owned(), |s| format!("{:+.4} (RMS {:.4})", s.mean.value, s.rms.value))
-        };
-        format!("{}: {} on hair, {} on surfaces", shadow.light, mean(&shadow.hair), mean(&shadow.surface))
-    }));
-    Err(Failure::Disagreement(format!(
-        "{}: deep shadow maps differ from rays by more than the accuracy of {} in the mean, or five times that RMS: {}\n\
-        give these lights a smaller map_error, or shadows = \"raytraced\"",
-        report.scene,
-        report.accuracy,
-        faults.join("; ")
-    )))
+    report.judged().filter(|(_, part)| beyond(part)).map(fault).collect()
+}
+
+/// The lights whose deep shadow maps are too far from rays.
+fn shadow_faults(report: &Report) -> Vec<String> {
+    let figures = |name: &str, part: &Option<Summary>| {
+        part.as_ref().map(|s| format!("{:+.4} on {name} (RMS {:.4})", s.mean.value, s.rms.value))
+    };
+    let beyond = report.shadows.iter().filter(|shadow| shadow.verdict(report.accuracy) == Verdict::Exceeded);
+    let fault = |shadow: &Shadow| {
+        let kinds = [figures("hair", &shadow.hair), figures("surfaces", &shadow.surface)];
+        format!("{} {}", shadow.light, kinds.into_iter().flatten().collect::<Vec<_>>().join(" and "))
+    };
+    beyond.map(fault).collect()
 }
 
 /// The result in words and a table; with `details` also by distance of the hair.
@@ -226,7 +240,14 @@ fn figures(name: &str, summary: &Summary) -> String {
     let Summary { points, mean, standard_error, rms, noise, .. } = summary;
     let error = standard_error.map_or(String::new(), |error| format!(" ± {error:.5}"));
     let mean = format!("{:+.5}{error}", mean.value);
-    format!("  {name:<22}{:>7}  {mean:<18}  {:<26}  {noise:<6.4}", grouped(*points as u64), interval(rms),)
+    // A longer name takes room from the number.
+    let room = 29_usize.saturating_sub(name.chars().count().max(22));
+    format!(
+        "  {name:<22} {:>room$}  {mean:<18}  {:<26}  {noise:<6.4}",
+        grouped(*points as u64),
+        interval(rms),
+        room = room.saturating_sub(1)
+    )
 }
 
 fn interval(estimate: &Estimate) -> String {

@@ -50,6 +50,11 @@ impl PixelRect {
     pub fn pixels(&self) -> u64 {
         [0, 1].map(|i| u64::from(self.max[i].saturating_sub(self.min[i]))).iter().product()
     }
+
+    /// The number of one of its pixels, row by row.
+    pub fn index(&self, [x, y]: [u32; 2]) -> usize {
+        (y - self.min[1]) as usize * (self.max[0] - self.min[0]) as usize + (x - self.min[0]) as usize
+    }
 }
 
 /// Gives `emit` the column, row and fragment of each pixel in `rect` that the segment covers a part of, at most one fragment a pixel, by rows

@@ -118,16 +118,20 @@ pub struct Reference {
 const REFERENCE: u32 = 0x4341_4C49;
 
 impl Reference {
-    /// By enough rays to judge an accuracy: noise of a third of it where Γ is as rough as it gets (deviation 1/4 a ray).
-    pub fn for_accuracy(rays: &HairRays, model: &HairModel, sites: &[Site], igloo: &Igloo, accuracy: f64) -> Self {
+    /// By enough rays to judge an accuracy: noise of a third of it where Γ is as rough as it gets (deviation 1/4 a ray). Nothing where
+    /// `cancelled` says to stop.
+    pub fn for_accuracy(
+        rays: &HairRays,
+        model: &HairModel,
+        sites: &[Site],
+        igloo: &Igloo,
+        accuracy: f64,
+        cancelled: &(impl Fn() -> bool + Sync),
+    ) -> Option<Self> {
+        // Rounded up to whole rays a face in each half.
         let count = 2.0 * (0.5 / accuracy).powi(2).clamp(512.0, 8192.0);
-        Self::trace(rays, model, sites, igloo, count as u32)
-    }
-
-    /// By `count` rays a point, rounded up to whole rays a face in each half.
-    pub fn trace(rays: &HairRays, model: &HairModel, sites: &[Site], igloo: &Igloo, count: u32) -> Self {
         let open = vec![f32::INFINITY; igloo.len()];
-        let per_half = count.div_ceil(2).next_multiple_of(igloo.len() as u32);
+        let per_half = (count as u32).div_ceil(2).next_multiple_of(igloo.len() as u32);
         let settings = RaySettings::fastest(per_half);
         let value = |(index, site): (usize, &Site)| {
             let far = site.far.as_deref().unwrap_or(&open);
@@ -139,14 +143,15 @@ impl Reference {
             });
             (halves, rays.crossings_met(model, &site.receiver, igloo, far))
         };
-        let values: Vec<([Visibility; 2], f64)> = sites.par_iter().enumerate().map(value).collect();
+        let value = |site| (!cancelled()).then(|| value(site));
+        let values: Vec<([Visibility; 2], f64)> = sites.par_iter().enumerate().map(value).collect::<Option<_>>()?;
         let n = sites.len().max(1) as f64;
-        Self {
+        Some(Self {
             visibility: values.iter().map(|&([a, b], _)| Visibility::middle(a, b)).collect(),
             noise2: values.iter().map(|&([a, b], _)| 0.25 * Visibility::distance2(a, b)).sum::<f64>() / n,
             rays: 2 * per_half,
             crossings: values.iter().map(|(_, crossings)| crossings).sum::<f64>() / n,
-        }
+        })
     }
 
     /// Rays a point whose root mean square error is this accuracy.
@@ -167,7 +172,7 @@ pub struct Calibration {
     pub work: f64,
 }
 
-/// Finds the cheapest settings whose error at the reference's points is within `accuracy`.
+/// Finds the cheapest settings whose error at the reference's points is within `accuracy`; nothing where `cancelled` says to stop.
 ///
 /// There is at least one point, all of the igloo's kind. What it finds depends on its arguments alone, not on threads or time.
 pub fn calibrate(
@@ -177,7 +182,9 @@ pub fn calibrate(
     igloo: &Igloo,
     reference: &Reference,
     accuracy: f64,
-) -> Calibration {
+    cancelled: &(impl Fn() -> bool + Sync),
+) -> Option<Calibration> {
+    let trial = Trial { tree, model, sites, igloo, reference, cancelled };
     let (sides, openings) = match igloo.span() {
         Span::Sphere => (&SIDES[SPHERE_SIDES], &SPHERE_OPENINGS[..]),
         Span::Hemisphere => (&SIDES[..], &HEMISPHERE_OPENINGS[..]),
@@ -187,7 +194,7 @@ pub fn calibrate(
         let map = DepthMap::new(igloo, side);
         for &opening in openings {
             let fineness = Fineness { side, opening };
-            let (error, work) = judge(tree, model, sites, igloo, &map, fineness, reference);
+            let (error, work) = trial.judge(&map, fineness)?;
             let found = Calibration { fineness, error, reached: error <= MARGIN * accuracy, work };
             let better = |than: &Calibration| match (found.reached, than.reached) {
                 (true, true) => found.work < than.work,
@@ -203,31 +210,38 @@ pub fn calibrate(
             break;
         }
     }
-    best.expect("there are settings to try")
+    best
 }
 
-/// Root mean square error at the points, without the reference's noise, and work of a query.
-fn judge(
-    tree: &ClusterTree,
-    model: &HairModel,
-    sites: &[Site],
-    igloo: &Igloo,
-    map: &DepthMap,
-    fineness: Fineness,
-    reference: &Reference,
-) -> (f64, f64) {
-    let value = |(scratch, gamma): &mut (Scratch, Vec<f32>), site: &Site| {
-        gamma.resize(igloo.len(), 0.0);
-        let before = scratch.work;
-        let (receiver, far) = (&site.receiver, site.far.as_deref());
-        tree.transmittances(model, receiver, map, fineness.angle(map), far, gamma, scratch);
-        (Visibility::of(gamma, far), scratch.work - before)
-    };
-    let values: Vec<(Visibility, u64)> =
-        sites.par_iter().map_init(|| (Scratch::default(), Vec::new()), value).collect();
-    let n = values.len().max(1) as f64;
-    let square =
-        values.iter().zip(&reference.visibility).map(|(&(value, _), &truth)| Visibility::distance2(value, truth));
-    let error = (square.sum::<f64>() / n - reference.noise2).max(0.0).sqrt();
-    (error, values.iter().map(|(_, work)| *work as f64).sum::<f64>() / n)
+/// What settings are tried on.
+struct Trial<'a, C> {
+    tree: &'a ClusterTree,
+    model: &'a HairModel,
+    sites: &'a [Site],
+    igloo: &'a Igloo,
+    reference: &'a Reference,
+    cancelled: &'a C,
+}
+
+impl<C: Fn() -> bool + Sync> Trial<'_, C> {
+    /// Root mean square error at the points, without the reference's noise, and work of a query.
+    fn judge(&self, map: &DepthMap, fineness: Fineness) -> Option<(f64, f64)> {
+        let value = |(scratch, gamma): &mut (Scratch, Vec<f32>), site: &Site| {
+            if (self.cancelled)() {
+                return None;
+            }
+            gamma.resize(self.igloo.len(), 0.0);
+            let before = scratch.work;
+            let (receiver, far) = (&site.receiver, site.far.as_deref());
+            self.tree.transmittances(self.model, receiver, map, fineness.angle(map), far, gamma, scratch);
+            Some((Visibility::of(gamma, far), scratch.work - before))
+        };
+        let values: Vec<(Visibility, u64)> =
+            self.sites.par_iter().map_init(|| (Scratch::default(), Vec::new()), value).collect::<Option<_>>()?;
+        let n = values.len().max(1) as f64;
+        let truths = &self.reference.visibility;
+        let square = values.iter().zip(truths).map(|(&(value, _), &truth)| Visibility::distance2(value, truth));
+        let error = (square.sum::<f64>() / n - self.reference.noise2).max(0.0).sqrt();
+        Some((error, values.iter().map(|(_, work)| *work as f64).sum::<f64>() / n))
+    }
 }

@@ -134,29 +134,33 @@ impl ClusterTree {
         scratch.work += map.len() as u64 / 2;
         let limits = far.map(|faces| Far { faces, cells: &cells, corners: &corners });
         // Compiled for each case, so that what a scene has not is not asked for at each lump.
-        let hair = (self, model);
-        let upright = receiver.frame == Mat3::IDENTITY;
-        match (map.span(), upright, limits.is_none()) {
-            (Span::Hemisphere, _, true) => {
-                dispatch(&Walk::<Above, true>::new(hair, receiver, map, opening, limits), scratch, gamma)
-            }
-            (Span::Hemisphere, _, false) => {
-                dispatch(&Walk::<Above, false>::new(hair, receiver, map, opening, limits), scratch, gamma)
-            }
-            (Span::Sphere, true, true) => {
-                dispatch(&Walk::<Upright, true>::new(hair, receiver, map, opening, limits), scratch, gamma)
-            }
-            (Span::Sphere, true, false) => {
-                dispatch(&Walk::<Upright, false>::new(hair, receiver, map, opening, limits), scratch, gamma)
-            }
-            (Span::Sphere, false, true) => {
-                dispatch(&Walk::<Turned, true>::new(hair, receiver, map, opening, limits), scratch, gamma)
-            }
-            (Span::Sphere, false, false) => {
-                dispatch(&Walk::<Turned, false>::new(hair, receiver, map, opening, limits), scratch, gamma)
-            }
+        let asked = Asked { hair: (self, model), receiver, map, opening, limits };
+        match (map.span(), receiver.frame == Mat3::IDENTITY) {
+            (Span::Hemisphere, _) => asked.see::<Above>(scratch, gamma),
+            (Span::Sphere, true) => asked.see::<Upright>(scratch, gamma),
+            (Span::Sphere, false) => asked.see::<Turned>(scratch, gamma),
         }
         (scratch.far, scratch.far_corners) = (cells, corners);
+    }
+}
+
+/// What a walk is made of, before it is known which.
+struct Asked<'a> {
+    hair: (&'a ClusterTree, &'a HairModel),
+    receiver: &'a Receiver,
+    map: &'a DepthMap,
+    opening: f32,
+    limits: Option<Far<'a>>,
+}
+
+impl Asked<'_> {
+    fn see<D: Directions>(&self, scratch: &mut Scratch, gamma: &mut [f32]) {
+        let Self { hair, receiver, map, opening, limits } = *self;
+        if limits.is_none() {
+            dispatch(&Walk::<D, true>::new(hair, receiver, map, opening, limits), scratch, gamma);
+        } else {
+            dispatch(&Walk::<D, false>::new(hair, receiver, map, opening, limits), scratch, gamma);
+        }
     }
 }
 

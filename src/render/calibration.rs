@@ -138,19 +138,21 @@ fn judge(
     let mut space = Workspace::default();
     let open = !lighting.effects().surfaces;
     let site = |point: &&ShadingPoint| {
+        if progress.cancelled() {
+            return Err(RenderError::Cancelled);
+        }
         let (_, far) = lighting.surroundings(&point.receiver, point.key, &mut space);
-        Site { receiver: point.receiver, far: (!open).then(|| far.to_vec()) }
+        Ok(Site { receiver: point.receiver, far: (!open).then(|| far.to_vec()) })
     };
-    let sites: Vec<Site> = points.iter().map(site).collect();
+    let sites = points.iter().map(site).collect::<Result<Vec<Site>, _>>()?;
     let igloo = lighting.igloos()[usize::from(sites[0].receiver.on.is_none())];
-    let reference = Reference::for_accuracy(rays, model, &sites, igloo, accuracy);
-    if progress.cancelled() {
-        return Err(RenderError::Cancelled);
-    }
+    let cancelled = || progress.cancelled();
+    let reference = Reference::for_accuracy(rays, model, &sites, igloo, accuracy, &cancelled);
+    let reference = reference.ok_or(RenderError::Cancelled)?;
     let projection = match lighting.estimator() {
         Estimator::Projected { tree, .. } => {
-            let Calibration { fineness, error, reached, work } =
-                calibrate(tree, model, &sites, igloo, &reference, accuracy);
+            let found = calibrate(tree, model, &sites, igloo, &reference, accuracy, &cancelled);
+            let Calibration { fineness, error, reached, work } = found.ok_or(RenderError::Cancelled)?;
             Some(FoundProjection { side: fineness.side, opening: fineness.opening, error, reached, work })
         }
         _ => None,

@@ -85,7 +85,7 @@ impl Film {
     }
 
     fn index(&self, x: u32, y: u32) -> usize {
-        (y - self.window.min[1]) as usize * self.width() + (x - self.window.min[0]) as usize
+        self.window.index([x, y])
     }
 
     /// Puts a tile's pixels, row by row, in their place.

@@ -222,9 +222,10 @@ impl<'s> Lighting<'s> {
         if point.albedo == Vec3::ZERO {
             return lit;
         }
-        let cosine = |direction: Vec3| lambert.evaluate(direction.dot(point.normal));
+        let cosine = |at: &SurfacePoint, direction: Vec3| lambert.evaluate(direction.dot(at.normal));
         let surfaces = self.light.surfaces.as_ref();
-        let origin = |toward| surfaces.map_or(receiver.position, |surfaces| surfaces.toward_light(point, toward));
+        let origin =
+            |at: &SurfacePoint, toward| surfaces.map_or(at.leaving(), |surfaces| surfaces.toward_light(at, toward));
         if self.arrives() {
             self.look(&receiver, &self.hemisphere, key, space);
             self.occlude(&receiver, &self.hemisphere, key, space);
@@ -239,7 +240,7 @@ impl<'s> Lighting<'s> {
             let Workspace { means, hits, directions, gamma, clock, light, specular, .. } = space;
             let met = Met { hits, directions };
             self.sum_faces(&self.hemisphere, means, key, met, gamma, light, (clock, specular), reflect, &mut lit);
-            self.area(&receiver, key, space, origin, cosine, &mut lit);
+            self.area(&receiver, key, space, |way| origin(point, way), |way| cosine(point, way), &mut lit);
             if self.effects.caustics {
                 // Hair has taken its part of these photons on their way.
                 let mut lap = Lap::start();
@@ -250,9 +251,8 @@ impl<'s> Lighting<'s> {
             }
         }
         let (at, counts) = lamp_lit.map_or((point, 1.0), |lit| (&lit.at, lit.counts));
-        let origin = |toward| surfaces.map_or(at.leaving(), |surfaces| surfaces.toward_light(at, toward));
-        let cosine = |direction: Vec3| lambert.evaluate(direction.dot(at.normal));
-        self.direct(&Point::on_surface(at.leaving()), space, origin, cosine, &mut lit);
+        let seen = Point::on_surface(at.leaving());
+        self.direct(&seen, space, |way| origin(at, way), |way| cosine(at, way), &mut lit);
         lit.direct *= counts;
         lit
     }

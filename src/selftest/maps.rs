@@ -3,7 +3,7 @@
 //! A map's value is a mean over the pixels around a point. So is the truth here: rays spread over the same pixels with the same weights, each against every
 //! segment. What is left is what a map does otherwise than a ray.
 
-use glam::{DVec2, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::hard::{self, Hard};
@@ -13,7 +13,7 @@ use crate::hair::HairModel;
 use crate::hash::unit;
 use crate::occlusion::raytraced::Ray;
 use crate::occlusion::{HairRays, Receiver, Transmittance};
-use crate::shadow::{DeepMap, Point, Settings, View};
+use crate::shadow::{DeepMap, Footing, Point, Settings, View};
 
 /// Suns around each case: directions of Fibonacci's lattice.
 const SUNS: u32 = 24;
@@ -101,22 +101,15 @@ fn found(
     key: u32,
 ) -> Option<Found> {
     let point = point(model, receiver);
-    let (seen, pixels) = map.footing(receiver.position)?;
+    let jitter = |pixel, stratum, axis| unit(&[SPREAD, key, pixel, stratum, axis]);
     let mut found = Found { map: f64::from(map.transmittance(&point)), rays: 0.0, truth: 0.0 };
-    for (pixel, footing) in pixels.iter().enumerate() {
-        for stratum in 0..STRATA * STRATA {
-            let jitter = |axis| unit(&[SPREAD, key, pixel as u32, stratum, axis]);
-            let cell = DVec2::new((stratum % STRATA).into(), (stratum / STRATA).into());
-            let at = footing.corner + (cell + DVec2::new(jitter(0), jitter(1))) / f64::from(STRATA) * footing.side;
-            let origin = map.view().point(seen.image, at, seen.depth);
-            let (direction, far) = lamp.from(origin);
-            let weight = footing.weight / f64::from(STRATA * STRATA);
-            let ray = Ray { origin, direction, far, on: receiver.on };
-            found.rays += weight * f64::from(rays.transmittance(model, &ray, 0.0));
-            let here = Receiver { position: origin, ..*receiver };
-            let exact = truth::transmittance_up_to(model, &here, direction.as_dvec3(), far.into());
-            found.truth += weight * exact;
-        }
+    for Footing { origin, weight } in map.footing(receiver.position, STRATA, jitter)? {
+        let (direction, far) = lamp.from(origin);
+        let ray = Ray { origin, direction, far, on: receiver.on };
+        found.rays += weight * f64::from(rays.transmittance(model, &ray, 0.0));
+        let here = Receiver { position: origin, ..*receiver };
+        let exact = truth::transmittance_up_to(model, &here, direction.as_dvec3(), far.into());
+        found.truth += weight * exact;
     }
     Some(found)
 }

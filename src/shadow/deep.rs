@@ -52,12 +52,11 @@ struct Tile {
     nodes: Vec<Node>,
 }
 
-/// A pixel that counts at a point: its corner nearest to the image's origin, its width and its weight, for who follows rays through it.
+/// A place from which a ray to the lamp sees a part of what a map knows of a point, and how much of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Footing {
-    /// Place in the image, 0 to 1.
-    pub corner: DVec2,
-    pub side: f64,
+    /// In render space.
+    pub origin: Vec3,
     pub weight: f64,
 }
 
@@ -181,15 +180,30 @@ impl DeepMap {
         sum as f32
     }
 
-    /// The pixels that count at a point, and where it is seen: what rays must be spread over to see the same; none where it is not in the map.
-    pub fn footing(&self, position: Vec3) -> Option<(Seen, Vec<Footing>)> {
+    /// Where rays to the lamp begin that together see what the map says of a point: at its depth, `per_side`² strata in each pixel that counts, with weights that
+    /// add up to 1; none where the point is not in the map. `jitter(pixel, stratum, axis)` are numbers from 0 to 1.
+    pub fn footing(
+        &self,
+        position: Vec3,
+        per_side: u32,
+        jitter: impl Fn(u32, u32, u32) -> f64,
+    ) -> Option<Vec<Footing>> {
         let seen = self.view.see(position)?;
-        let side = 1.0 / f64::from(self.resolution);
-        let mut pixels = Vec::new();
+        let (side, strata) = (1.0 / f64::from(self.resolution), f64::from(per_side));
+        let mut places = Vec::new();
+        let mut pixel = 0;
         self.around(&seen, |x, y, weight| {
-            pixels.push(Footing { corner: DVec2::new(x.into(), y.into()) * side, side, weight });
+            let corner = DVec2::new(x.into(), y.into()) * side;
+            for stratum in 0..per_side * per_side {
+                let cell = DVec2::new((stratum % per_side).into(), (stratum / per_side).into());
+                let within = DVec2::new(jitter(pixel, stratum, 0), jitter(pixel, stratum, 1));
+                let at = corner + (cell + within) / strata * side;
+                let origin = self.view.point(seen.image, at, seen.depth);
+                places.push(Footing { origin, weight: weight / (strata * strata) });
+            }
+            pixel += 1;
         });
-        Some((seen, pixels))
+        Some(places)
     }
 }
 

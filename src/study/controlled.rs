@@ -81,7 +81,7 @@ impl Job<'_> {
         Ok((film, statistics))
     }
 
-    /// The scene at a place of the knob, its surfaces back, with the picture's photons; [`Self::keep`] takes them back.
+    /// The scene at a place of the knob, its surfaces back, with the picture's photons: who has done with it gives them back.
     fn prepare(&mut self, place: usize) -> Result<Prepared<'_>, RenderError> {
         let photons = self.photons.take();
         self.prepare_with(place, self.given.sampling.seed, photons)
@@ -124,8 +124,6 @@ impl Job<'_> {
         let mut prepared = self.prepare(trial.place)?;
         let stage = watch.stage("calibrating");
         let window = prepared.window();
-        let width = (window.max[0] - window.min[0]) as usize;
-        let index = |[x, y]: [u32; 2]| (y - window.min[1]) as usize * width + (x - window.min[0]) as usize;
         let mut mean = Mean::new(prepared.pass(pass_seed(seed, 0), progress)?);
         let mut most = planned;
         let mut done = 1;
@@ -142,7 +140,7 @@ impl Job<'_> {
                 }
                 Goal::Error(error) if done >= most => {
                     let found = choosing.iter().map(|truth| {
-                        let value = mean.beauty(index(truth.at)).as_dvec3().to_array();
+                        let value = mean.beauty(window.index(truth.at)).as_dvec3().to_array();
                         truth.weight * (truth.product(value, value) - truth.variance())
                     });
                     let found = found.sum::<f64>() / (choosing.len().max(1) as f64 * looked.level.powi(2));

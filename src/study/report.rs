@@ -26,6 +26,17 @@ pub enum Verdict {
     Exceeded,
 }
 
+impl Verdict {
+    /// Of several: a single one that exceeds decides, then one that cannot tell.
+    pub(super) fn worst(verdicts: impl Iterator<Item = Self>) -> Self {
+        let verdicts: Vec<Self> = verdicts.collect();
+        [Self::Exceeded, Self::Undecided, Self::Held]
+            .into_iter()
+            .find(|verdict| verdicts.contains(verdict))
+            .unwrap_or(Self::Nothing)
+    }
+}
+
 /// The result of a cross-check. Differences are projection less rays, in sky visibility (0 to 1).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
@@ -184,11 +195,7 @@ impl Report {
             _ => Verdict::Undecided,
         };
         let shadows = self.shadows.iter().map(|shadow| shadow.verdict(self.accuracy));
-        let verdicts: Vec<Verdict> = self.judged().map(|(_, part)| verdict(part)).chain(shadows).collect();
-        [Verdict::Exceeded, Verdict::Undecided, Verdict::Held]
-            .into_iter()
-            .find(|verdict| verdicts.contains(verdict))
-            .unwrap_or(Verdict::Nothing)
+        Verdict::worst(self.judged().map(|(_, part)| verdict(part)).chain(shadows))
     }
 }
 

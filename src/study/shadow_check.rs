@@ -4,7 +4,7 @@
 //! pixels that the map weights at the point, from the point's own depth to the lamp, with the weights of the map. A map's values may
 //! differ from it by the light's `map_error` and by what its pixels take as independent; the mean over points says whether a picture is too bright or too dark.
 
-use glam::{DVec2, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -45,24 +45,18 @@ impl Shadow {
     /// Whether the mean difference is within an accuracy, and the RMS difference within five times it, on hair and on surfaces.
     pub fn verdict(&self, accuracy: f64) -> Verdict {
         let kinds = [&self.hair, &self.surface].into_iter().flatten();
-        let verdicts: Vec<Verdict> = kinds
-            .map(|Summary { mean, rms, .. }| {
-                let [Some(low), Some(high), Some(least), Some(most)] = [mean.low, mean.high, rms.low, rms.high] else {
-                    return Verdict::Undecided;
-                };
-                if low > accuracy || high < -accuracy || least > FEW * accuracy {
-                    Verdict::Exceeded
-                } else if low >= -accuracy && high <= accuracy && most <= FEW * accuracy {
-                    Verdict::Held
-                } else {
-                    Verdict::Undecided
-                }
-            })
-            .collect();
-        [Verdict::Exceeded, Verdict::Undecided, Verdict::Held]
-            .into_iter()
-            .find(|verdict| verdicts.contains(verdict))
-            .unwrap_or(Verdict::Nothing)
+        Verdict::worst(kinds.map(|Summary { mean, rms, .. }| {
+            let [Some(low), Some(high), Some(least), Some(most)] = [mean.low, mean.high, rms.low, rms.high] else {
+                return Verdict::Undecided;
+            };
+            if low > accuracy || high < -accuracy || least > FEW * accuracy {
+                Verdict::Exceeded
+            } else if low >= -accuracy && high <= accuracy && most <= FEW * accuracy {
+                Verdict::Held
+            } else {
+                Verdict::Undecided
+            }
+        }))
     }
 }
 
@@ -114,8 +108,8 @@ impl Bench<'_> {
         self.light.incident(position)?;
         let at = match point.place {
             Place::Hair { segment, .. } => {
-                let [a, b] = self.model.ends(segment as usize);
-                Point { position, hair: point.receiver.on.map(|on| (on, (b - a).normalize())) }
+                let tangent = self.model.sample(segment as usize, 0.5).tangent;
+                Point { position, hair: point.receiver.on.map(|on| (on, tangent)) }
             }
             Place::Surface { .. } => Point::on_surface(position),
         };
@@ -123,9 +117,8 @@ impl Bench<'_> {
         Some(Sample { value: f64::from(self.map.transmittance(&at)), reference })
     }
 
-    /// Means over stratified rays through the pixels that count, two of them, independent.
+    /// Means over rays spread as the map weights its pixels, two of them, independent.
     fn spread(&self, position: Vec3, at: &Point, key: u32) -> Option<[f64; 2]> {
-        let (seen, pixels) = self.map.footing(position)?;
         let on = at.hair.map(|(on, _)| on);
         let through = |origin: Vec3| {
             // Beyond a spot's cone next to a point inside it: as the map, which knows no cone.
@@ -137,20 +130,12 @@ impl Bench<'_> {
             };
             f64::from(self.rays.transmittance(self.model, &Ray { origin, direction, far, on }, 0.0))
         };
-        Some([0, 1].map(|half| {
-            let mut sum = 0.0;
-            for (number, pixel) in pixels.iter().enumerate() {
-                for stratum in 0..STRATA * STRATA {
-                    let jitter = |axis| to_unit(hash(&[SPREAD, key, half, number as u32, stratum, axis]));
-                    let jitter = DVec2::new(jitter(0).into(), jitter(1).into());
-                    let cell = DVec2::new((stratum % STRATA).into(), (stratum / STRATA).into());
-                    let place = pixel.corner + (cell + jitter) * (pixel.side / f64::from(STRATA));
-                    let origin = self.map.view().point(seen.image, place, seen.depth);
-                    sum += pixel.weight * through(origin);
-                }
-            }
-            sum / f64::from(STRATA * STRATA)
-        }))
+        let half = |half| {
+            let jitter = |pixel, stratum, axis| to_unit(hash(&[SPREAD, key, half, pixel, stratum, axis])).into();
+            let places = self.map.footing(position, STRATA, jitter)?;
+            Some(places.iter().map(|place| place.weight * through(place.origin)).sum())
+        };
+        Some([half(0)?, half(1)?])
     }
 }
 

@@ -19,7 +19,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, StudentsT};
 /// Two-sided: one in forty lies beyond either end.
 const TAIL: f64 = 0.025;
 /// The standard normal's quantile for it.
-const NORMAL: f64 = 1.959_963_984_540_054;
+pub(super) const NORMAL: f64 = 1.959_963_984_540_054;
 /// With so many degrees of freedom the χ² distribution is normal.
 const MANY: f64 = 1e5;
 

@@ -321,8 +321,8 @@ pub fn calibrated(
     accuracy: f64,
 ) -> Calibration {
     let sites: Vec<Site> = receivers.iter().copied().map(Site::from).collect();
-    let reference = Reference::for_accuracy(rays, model, &sites, igloo, accuracy);
-    calibrate(tree, model, &sites, igloo, &reference, accuracy)
+    let reference = Reference::for_accuracy(rays, model, &sites, igloo, accuracy, &|| false).expect("not cancelled");
+    calibrate(tree, model, &sites, igloo, &reference, accuracy, &|| false).expect("not cancelled")
 }
 
 /// Γ̄ over the igloo by projection, with nothing behind the hair.

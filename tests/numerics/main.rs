@@ -6,7 +6,6 @@
 #[path = "../common/mod.rs"]
 mod common;
 
-mod catalogue;
 mod estimators;
 mod external;
 mod machine;

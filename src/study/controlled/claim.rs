@@ -4,17 +4,13 @@ use super::worth::{Trial, Truth};
 use super::{Job, KNOB};
 use crate::render::Film;
 use crate::render::statistics::Claim;
-use crate::study::statistics::rms_of_squares;
-
-/// The standard normal's quantile that one in forty lies beyond.
-const NORMAL: f64 = 1.959_963_984_540_054;
+use crate::study::statistics::{NORMAL, rms_of_squares};
 
 impl Job<'_> {
     /// The claim; none of a picture in which nothing is seen.
     pub(super) fn claim(&self, film: &Film, judging: &[Truth], trial: Trial) -> Option<Claim> {
         let level = level(film)?;
-        let index =
-            |[x, y]: [u32; 2]| (y - film.window.min[1]) as usize * film.width() + (x - film.window.min[0]) as usize;
+        let index = |at| film.window.index(at);
         let square = |truth: &Truth| {
             let value = film.pixels[index(truth.at)].beauty.as_dvec3().to_array();
             truth.weight * truth.product(value, value) / (level * level)
@@ -71,7 +67,7 @@ fn level(film: &Film) -> Option<f64> {
 
 /// Variance of a pixel, the mean of its channels; 0 of a single pass, which does not tell it.
 fn variance(film: &Film, pixel: usize) -> f64 {
-    film.standard_error.get(pixel).map_or(0.0, |e| f64::from(e.length_squared()) / 3.0)
+    f64::from(film.error_of(pixel).length_squared()) / 3.0
 }
 
 /// Noise of a picture, from its passes.

@@ -120,8 +120,7 @@ impl Job<'_> {
             Goal::Error(_) => scale * counted,
             Goal::Time(_) => scale * begin.elapsed().as_secs_f64(),
         };
-        let photons = prepared.into_photons();
-        self.photons = Some(photons);
+        self.photons = Some(prepared.into_photons());
         Ok(Trial { place, worth, work, before })
     }
 
