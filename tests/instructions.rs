@@ -9,11 +9,14 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::process::Command;
 
-/// Instructions of one render of the scene by source file; files that were inlined elsewhere count under their own name.
-fn instructions(folder: &Path, overrides: &[&str]) -> HashMap<String, u64> {
-    let file = folder.join("callgrind.out");
+use rayon::prelude::*;
+
+/// Instructions of one render of the scene by source file, under a name of its own; files that were inlined elsewhere count under their own name.
+fn instructions(folder: &Path, name: &str, overrides: &[&str]) -> HashMap<String, u64> {
+    let file = folder.join(format!("{name}.callgrind"));
     let out = format!("--callgrind-out-file={}", file.display());
-    let arguments = ["render", "scene.toml", "-q", "-o", "a.exr", "--threads", "1"];
+    let picture = format!("{name}.exr");
+    let arguments = ["render", "scene.toml", "-q", "-o", &picture, "--threads", "1"];
     let command = Command::new("valgrind")
         .current_dir(folder)
         .args(["--tool=callgrind", &out, program::TRESS])
@@ -96,12 +99,15 @@ fn what_is_off_executes_nothing() {
         return eprintln!("skipped: there is no valgrind");
     }
     let folder = program::folder(&everything::full());
-    let all = instructions(folder.path(), &[]);
+    let all = instructions(folder.path(), "all", &[]);
     let total = |sums: &HashMap<String, u64>| sums.values().sum::<u64>() as f64 / 1e6;
     eprintln!("everything: {:.1} million instructions", total(&all));
+    let count = |(number, (overrides, _)): (usize, &(&[&str], _))| {
+        instructions(folder.path(), &format!("without{number}"), overrides)
+    };
+    let renders: Vec<HashMap<String, u64>> = OWN.par_iter().enumerate().map(count).collect();
     let mut failed = Vec::new();
-    for (overrides, files) in OWN {
-        let without = instructions(folder.path(), overrides);
+    for ((overrides, files), without) in OWN.into_iter().zip(renders) {
         eprintln!("{}: {:.1} million", overrides.join(" "), total(&without));
         for file in files {
             let (on, off) = (of(&all, file), of(&without, file));

@@ -159,7 +159,7 @@ fn a_receiver_anywhere_gets_a_share() {
     let model = grow(Style::Lock, 600, 20, 0.02, 0.0);
     let query = Query::new(&model, 12);
     let mut scratch = Scratch::default();
-    let on = Some(OnStrand { strand: 3, arc: 0.1, width: 0.02 });
+    let on = Some(OnStrand { strand: 3, segment: 0, arc: 0.1, width: 0.02 });
     let at_points = model.points.iter().step_by(97).copied();
     for position in at_points.chain([Vec3::splat(1e9), Vec3::splat(-1e-30), Vec3::new(1e12, 0.0, 0.0)]) {
         for receiver in [on, None].map(|on| Receiver { position, on, frame: Mat3::IDENTITY }) {

@@ -59,6 +59,12 @@ struct Differences {
     single: f64,
 }
 
+impl Differences {
+    fn rms(&self) -> f64 {
+        (self.spread.powi(2) - self.noise.powi(2)).max(0.0).sqrt()
+    }
+}
+
 /// The points of a check: on hair, and as many on the scalp.
 fn points(model: &HairModel, count: u32) -> Vec<Point> {
     let on_hair = (0..count).map(|i| {
@@ -84,7 +90,7 @@ fn spread(
         let Some(places) = map.footing(point.position, per_side, jitter) else { return 1.0 };
         let left = |place: &Footing| {
             let (direction, far) = lamp.from(place.origin);
-            let ray = Ray { origin: place.origin, direction, far, on: point.hair.map(|(on, _)| on) };
+            let ray = Ray { origin: place.origin, direction, far, on: point.on };
             place.weight * f64::from(rays.transmittance(model, &ray, 0.0))
         };
         places.iter().map(left).sum()
@@ -104,10 +110,10 @@ fn compare(
         .par_iter()
         .enumerate()
         .map(|(i, point)| {
-            let found = f64::from(map.transmittance(point));
+            let found = f64::from(map.transmittance(model, point));
             let [a, b] = spread(&map, rays, model, lamp, point, i as u32, per_side);
             let (direction, far) = lamp.from(point.position);
-            let ray = Ray { origin: point.position, direction, far, on: point.hair.map(|(on, _)| on) };
+            let ray = Ray { origin: point.position, direction, far, on: point.on };
             let single = f64::from(rays.transmittance(model, &ray, 0.0));
             let difference = found - 0.5 * (a + b);
             [difference.powi(2), 0.25 * (a - b).powi(2), difference, (found - single).powi(2)]
@@ -132,31 +138,28 @@ fn all(transparency: f32) -> Vec<(&'static str, HairModel)> {
     models
 }
 
+/// Root mean square difference to rays, their own noise taken away, at points on hair and scalp together.
+const MOST: f64 = 0.01;
+
 #[test]
-#[ignore = "slow: maps of 2048 pixels a side, and a hundred thousand rays, a case"]
+#[ignore = "slow: hundreds of thousands of rays a case"]
 fn all_models_agree_with_rays() {
-    let settings =
-        Settings { resolution: Some(2048), samples: 4, error: 0.002, most_bytes: 2 << 30, ..Settings::default() };
     for transparency in [0.0, 0.5] {
         for (name, model) in all(transparency) {
             let rays = traced(&model);
-            let points = points(&model, 150);
+            let points = points(&model, 400);
             for lamp in lamps() {
-                let d = compare(&model, &rays, lamp, &settings, &points, 12);
-                let coarse = compare(&model, &rays, lamp, &Settings::default(), &points, 12);
+                let d = compare(&model, &rays, lamp, &Settings::default(), &points, 8);
                 println!(
-                    "{name:16} {transparency} {:12}: RMS {:.4} (noise {:.4}, mean {:+.4}; single rays {:.4}); by default {:.4} ({:.4})",
+                    "{name:16} {transparency} {:12}: RMS {:.4} (mean {:+.4}; single rays {:.4})",
                     &format!("{lamp:?}")[..5],
-                    d.spread,
-                    d.noise,
+                    d.rms(),
                     d.bias,
-                    d.single,
-                    coarse.spread,
-                    coarse.single
+                    d.single
                 );
-                // Far off the axis of a cube's image the own strand and joints are found less well.
-                let bound = if matches!(lamp, Lamp::Point(_)) { 0.06 } else { 0.02 };
-                assert!(d.spread < bound, "{name} {transparency} {lamp:?}: {d:?}");
+                // Next to a lamp among the hair a few points look along strands a width away, at the edge of what counts: one of them in 400 is off by .3.
+                let most = if matches!(lamp, Lamp::Point(_)) { 1.5 * MOST } else { MOST };
+                assert!(d.rms() < most, "{name} {transparency} {lamp:?}: {d:?}");
             }
         }
     }
@@ -169,7 +172,7 @@ fn maps_agree_with_rays() {
     let points = points(&model, 100);
     for lamp in lamps() {
         let d = compare(&model, &rays, lamp, &Settings::default(), &points, 8);
-        assert!(d.spread < 0.02 && d.bias.abs() < 0.004, "{lamp:?}: {d:?}");
+        assert!(d.rms() < MOST && d.bias.abs() < 0.004, "{lamp:?}: {d:?}");
         assert!(d.spread < 0.2 * d.single, "a filtered map is not a single ray: {d:?}");
     }
 }
@@ -187,11 +190,16 @@ fn compression_keeps_its_error_and_takes_less_memory_the_more_it_may() {
         let mut last = (exact.size().nodes, 0.0);
         for error in [0.002, 0.02, 0.1] {
             let map = build(error);
-            let rms =
-                points.iter().map(|p| f64::from(map.transmittance(p) - exact.transmittance(p)).powi(2)).sum::<f64>();
+            let differences = |points: &[Point]| -> Vec<f32> {
+                points.iter().map(|p| map.transmittance(&model, p) - exact.transmittance(&model, p)).collect()
+            };
+            let rms = differences(&points).iter().map(|&d| f64::from(d).powi(2)).sum::<f64>();
             let rms = (rms / points.len() as f64).sqrt();
-            let most = points.iter().map(|p| (map.transmittance(p) - exact.transmittance(p)).abs()).fold(0.0, f32::max);
+            // On a strand quotients of functions are taken; elsewhere the bound is the function's own.
+            let beside: Vec<Point> = points.iter().map(|p| Point::on_surface(p.position)).collect();
+            let most = differences(&beside).into_iter().fold(0.0, |most: f32, d| most.max(d.abs()));
             assert!(most <= error + 1e-4, "{error}: {most}");
+            assert!(rms <= f64::from(error), "{error}: {rms}");
             assert!(map.size().nodes < last.0 && rms > last.1, "{error}: {:?} after {last:?}", map.size());
             last = (map.size().nodes, rms);
         }
@@ -214,13 +222,13 @@ fn bars_let_through_what_they_are_said_to() {
             let (model, places) = two_bars(lamp, transparency);
             let rule = Transmittance::Crossing;
             let deep = DeepMap::build(lamp.view(&model), &model, rule, &Settings::default(), &|| false).expect("a map");
-            let found = places.map(|p| deep.transmittance(&Point::on_surface(p)));
+            let found = places.map(|p| deep.transmittance(&model, &Point::on_surface(p)));
             for (found, want) in found.into_iter().zip([1.0, transparency, transparency * transparency]) {
                 assert!((found - want).abs() < 1e-3, "{lamp:?} {transparency}: {found} for {want}");
             }
             let plain =
                 ShadowMap::build(lamp.view(&model), &model, rule, &Settings::default(), &|| false).expect("a map");
-            let found = places.map(|p| plain.transmittance(&Point::on_surface(p)));
+            let found = places.map(|p| plain.transmittance(&model, &Point::on_surface(p)));
             assert_eq!(found[0], 1.0);
             if transparency == 0.0 {
                 assert_eq!(found[1..], [0.0, 0.0], "a plain map is right where hair is opaque and wide");
@@ -244,7 +252,7 @@ fn nothing_is_between_a_lamp_and_hair_that_it_lights_first() {
                 .expect("a map");
             for i in 0..200 {
                 let point = Point::on_hair(&model.sample(i % 2, unit(&[i as u32]) as f32));
-                let left = map.transmittance(&point);
+                let left = map.transmittance(&model, &point);
                 assert!(left > 1.0 - 0.004 - 1e-4, "{lamp:?} at {resolution}: {left} at {point:?}");
             }
         }
@@ -262,7 +270,8 @@ fn a_map_is_the_same_for_any_number_of_threads() {
                 let rule = Transmittance::Crossing;
                 let deep = DeepMap::build(lamp.view(&model), &model, rule, &settings, &|| false).expect("a map");
                 let plain = ShadowMap::build(lamp.view(&model), &model, rule, &settings, &|| false).expect("a map");
-                let bits = |p: &Point| [deep.transmittance(p).to_bits(), plain.transmittance(p).to_bits()];
+                let bits =
+                    |p: &Point| [deep.transmittance(&model, p).to_bits(), plain.transmittance(&model, p).to_bits()];
                 (deep.size(), points.iter().map(bits).collect::<Vec<_>>())
             })
         })

@@ -176,7 +176,10 @@ impl Polygon {
     /// Keeps what is inside, where a linear function is not negative.
     fn cut(&mut self, inside: impl Fn(DVec2) -> f64) {
         let old = self.corners;
-        let values = old.map(&inside);
+        let mut values = [0.0; 8];
+        for (value, &corner) in values.iter_mut().zip(&old[..self.count]) {
+            *value = inside(corner);
+        }
         if values[..self.count].iter().all(|&v| v >= 0.0) {
             return;
         }

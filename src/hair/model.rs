@@ -183,6 +183,7 @@ impl HairModel {
             width: mix(self.width[p], self.width[p + 1]),
             on: OnStrand {
                 strand: self.strand[segment],
+                segment: segment as u32,
                 arc: mix(self.arc[p], self.arc[p + 1]),
                 width: mix(self.width[p], self.width[p + 1]),
             },
@@ -212,6 +213,8 @@ pub struct StrandSample {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OnStrand {
     pub strand: u32,
+    /// The segment that it is on.
+    pub segment: u32,
     pub arc: f32,
     pub width: f32,
 }

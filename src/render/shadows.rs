@@ -9,6 +9,7 @@ use super::estimator::transmittance_rule;
 use super::progress::Progress;
 use super::statistics::Watch;
 use crate::effects::Effects;
+use crate::hair::HairModel;
 use crate::illumination::DirectLight;
 use crate::scene::Scene;
 use crate::scene::description::Shadows;
@@ -116,14 +117,14 @@ impl HairShadow {
     }
 
     /// What hair leaves of the light at a point; `rays` finds it by a ray.
-    pub fn transmittance(&self, point: &Point, rays: impl FnOnce() -> f32) -> f32 {
+    pub fn transmittance(&self, model: &HairModel, point: &Point, rays: impl FnOnce() -> f32) -> f32 {
         match self {
             Self::Rays => {
                 tally::add(Work::RaytracedShadows, 1);
                 rays()
             }
-            Self::Deep(map) => map.transmittance(point),
-            Self::Plain(map) => map.transmittance(point),
+            Self::Deep(map) => map.transmittance(model, point),
+            Self::Plain(map) => map.transmittance(model, point),
             Self::Free => 1.0,
         }
     }

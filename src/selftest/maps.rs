@@ -100,9 +100,9 @@ fn found(
     receiver: &Receiver,
     key: u32,
 ) -> Option<Found> {
-    let point = point(model, receiver);
+    let point = Point { position: receiver.position, on: receiver.on };
     let jitter = |pixel, stratum, axis| unit(&[SPREAD, key, pixel, stratum, axis]);
-    let mut found = Found { map: f64::from(map.transmittance(&point)), rays: 0.0, truth: 0.0 };
+    let mut found = Found { map: f64::from(map.transmittance(model, &point)), rays: 0.0, truth: 0.0 };
     for Footing { origin, weight } in map.footing(receiver.position, STRATA, jitter)? {
         let (direction, far) = lamp.from(origin);
         let ray = Ray { origin, direction, far, on: receiver.on };
@@ -112,23 +112,6 @@ fn found(
         found.truth += weight * exact;
     }
     Some(found)
-}
-
-fn point(model: &HairModel, receiver: &Receiver) -> Point {
-    // The tangent of the strand: of the segment that the receiver lies on, as its sample has it.
-    let hair = receiver.on.map(|on| {
-        let segment = (0..model.segments()).filter(|&s| model.strand[s] == on.strand).min_by(|&a, &b| {
-            let off = |s: usize| {
-                let [p, q] = model.ends(s).map(|end| end.as_dvec3());
-                let way = q - p;
-                let u = ((receiver.position.as_dvec3() - p).dot(way) / way.length_squared()).clamp(0.0, 1.0);
-                (p + u * way).distance(receiver.position.as_dvec3())
-            };
-            off(a).total_cmp(&off(b))
-        });
-        (on, model.sample(segment.unwrap_or(0), 0.5).tangent)
-    });
-    Point { position: receiver.position, hair }
 }
 
 /// How far off maps and rays are on one hard case.

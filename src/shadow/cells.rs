@@ -22,8 +22,25 @@ pub(super) struct Piece {
     pub cell: u32,
     pub segment: u32,
     pub depth: f32,
-    /// Share of the cell's light that it takes.
+    /// Share of the cell's light that it takes; where pieces are joined, the sum of theirs.
     pub blocked: f32,
+    /// What it takes of the light that meets it; where pieces are joined, the most.
+    pub opacity: f32,
+}
+
+impl Piece {
+    /// Takes in the piece that follows it: their shares add up, at the depth that they have in the mean.
+    pub fn join(&mut self, next: &Self) {
+        self.blocked += next.blocked;
+        self.depth += (next.depth - self.depth) * (next.blocked / self.blocked);
+        self.opacity = self.opacity.max(next.opacity);
+    }
+
+    /// Share of the cell's light that it takes: what covers more than the cell lies over itself, as at the inside of a bend, and there takes twice.
+    pub fn taken(&self) -> f32 {
+        let over = (self.blocked - self.opacity).clamp(0.0, self.opacity);
+        self.blocked.min(self.opacity) + over * (1.0 - self.opacity)
+    }
 }
 
 /// What pieces are made from.
@@ -38,30 +55,24 @@ pub(super) struct Source<'a> {
     pub per_side: u32,
 }
 
-impl Source<'_> {
+impl<'a> Source<'a> {
+    /// Of an image of `resolution` pixels a side, each of `per_side`² cells.
+    pub fn new(
+        view: &'a View,
+        image: usize,
+        [resolution, per_side]: [u32; 2],
+        model: &'a HairModel,
+        rule: Transmittance,
+    ) -> Self {
+        Self { model, rule, view, image, projection: view.projection(resolution * per_side), per_side }
+    }
+
     /// The pieces of some segments in a rectangle of pixels, by pixel, cell and segment; false, and some are missing, if there are more than `most`.
     pub fn pieces(&self, segments: &[u32], pixels: &PixelRect, most: usize, pieces: &mut Vec<Piece>) -> bool {
-        let n = self.per_side;
-        let cells = PixelRect { min: pixels.min.map(|x| x * n), max: pixels.max.map(|x| x * n) };
-        let columns = pixels.max[0] - pixels.min[0];
-        // The image's middle is its centre.
-        let side = 0.5 / self.projection.center.x;
         pieces.clear();
-        for &index in segments {
-            let p = self.model.segment_point[index as usize] as usize;
-            let length = self.model.arc[p + 1] - self.model.arc[p];
-            let opacity = self.rule.opacity(self.model.transparency[index as usize], length);
-            if opacity <= 0.0 {
-                continue;
-            }
-            let segment = self.view.segment(self.image, self.model, index);
-            scan_convert(&segment, &self.projection, &cells, |x, y, fragment| {
-                let pixel = (y / n - pixels.min[1]) * columns + x / n - pixels.min[0];
-                let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) * side;
-                let depth = self.view.counted_from(self.image, self.model, &fragment, at);
-                let cell = y % n * n + x % n;
-                pieces.push(Piece { pixel, cell, segment: index, depth, blocked: fragment.coverage * opacity });
-            });
+        let cells = self.cells(pixels);
+        for &segment in segments {
+            self.scan(segment, pixels, &cells, |piece, _| pieces.push(piece));
             if pieces.len() > most {
                 return false;
             }
@@ -70,22 +81,53 @@ impl Source<'_> {
         true
     }
 
+    /// The cells of a rectangle of pixels.
+    pub fn cells(&self, pixels: &PixelRect) -> PixelRect {
+        PixelRect { min: pixels.min.map(|x| x * self.per_side), max: pixels.max.map(|x| x * self.per_side) }
+    }
+
+    /// The pieces of one segment in some cells of a rectangle of pixels, with the place along the segment (0 to 1) of each and how much of it is seen.
+    pub fn scan(&self, index: u32, pixels: &PixelRect, cells: &PixelRect, mut take: impl FnMut(Piece, [f32; 2])) {
+        let p = self.model.segment_point[index as usize] as usize;
+        let length = self.model.arc[p + 1] - self.model.arc[p];
+        let opacity = self.rule.opacity(self.model.transparency[index as usize], length);
+        if opacity <= 0.0 {
+            return;
+        }
+        let n = self.per_side;
+        // The image's middle is its centre.
+        let side = 0.5 / self.projection.center.x;
+        let segment = self.view.segment(self.image, self.model, index);
+        scan_convert(&segment, &self.projection, cells, |x, y, fragment| {
+            let pixel = pixels.index([x / n, y / n]) as u32;
+            let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) * side;
+            let depth = self.view.counted_from(self.image, self.model, &fragment, at);
+            let cell = y % n * n + x % n;
+            take(
+                Piece { pixel, cell, segment: index, depth, blocked: fragment.coverage * opacity, opacity },
+                [fragment.u, fragment.span],
+            );
+        });
+    }
+
+    /// Whether a piece goes on where another of its cell ends.
+    pub fn follows(&self, last: &Piece, piece: &Piece) -> bool {
+        let strand = |piece: &Piece| self.model.strand[piece.segment as usize];
+        (last.pixel, last.cell) == (piece.pixel, piece.cell)
+            && last.segment + 1 == piece.segment
+            && strand(last) == strand(piece)
+    }
+
     /// Joins pieces of one pixel that follow each other on their strand; then by depth.
     pub fn join(&self, pieces: &mut Vec<Piece>) {
-        let strand = |piece: &Piece| self.model.strand[piece.segment as usize];
         let mut kept = 0;
         let mut last = None;
         for i in 0..pieces.len() {
             let piece = pieces[i];
-            let follows = last.is_some_and(|last: Piece| {
-                last.cell == piece.cell && last.segment + 1 == piece.segment && strand(&last) == strand(&piece)
-            });
+            let follows = last.is_some_and(|last| self.follows(&last, &piece));
             last = Some(piece);
             if follows {
-                let joined = &mut pieces[kept - 1];
-                let sum = joined.blocked + piece.blocked;
-                joined.depth += (piece.depth - joined.depth) * (piece.blocked / sum);
-                joined.blocked = sum;
+                pieces[kept - 1].join(&piece);
             } else {
                 pieces[kept] = piece;
                 kept += 1;
@@ -104,7 +146,7 @@ impl Source<'_> {
         let mut sum = count as f64;
         for piece in pieces {
             let cell = &mut cells[piece.cell as usize];
-            let after = *cell * f64::from(1.0 - piece.blocked.min(1.0));
+            let after = *cell * f64::from(1.0 - piece.taken());
             sum -= *cell - after;
             *cell = after;
             let left = (sum / count as f64).clamp(0.0, 1.0) as f32;

@@ -6,11 +6,12 @@ use rayon::prelude::*;
 use super::cells::{Piece, Source};
 use super::compress::{Node, compress, value};
 use super::filter;
+use super::own::Step;
 use super::receiver::Point;
 use super::view::{Seen, View};
 use super::{MapError, Settings, Size};
 use crate::fragment::{PixelRect, TileGrid, assign};
-use crate::hair::HairModel;
+use crate::hair::{HairModel, OnStrand};
 use crate::occlusion::Transmittance;
 use crate::tally::{self, Work};
 
@@ -20,6 +21,9 @@ const TILE: u32 = 16;
 pub(super) const CHOSEN: [f64; 2] = [64.0, 1024.0];
 /// Pieces of hair that one thread holds at a time, where it can do with so few: 80 MB.
 const MOST_PIECES: usize = 4 << 20;
+
+/// How much of what a point's own strand covers is taken to be as free of other hair as what is before it.
+const PRIOR: f64 = 0.1;
 
 /// Bytes that a map takes at most, of the six images that it may have, before any hair is seen: no more than its settings allow, nor than functions of so many
 /// pixels can. A function falls by 1 in all and one of its lines ends where it has fallen by about its error, so that it has some 2 / error nodes; twice
@@ -38,6 +42,7 @@ pub const BYTES_A_THREAD: u64 = (MOST_PIECES * size_of::<Piece>()) as u64;
 #[derive(Debug)]
 pub struct DeepMap {
     view: View,
+    rule: Transmittance,
     settings: Settings,
     resolution: u32,
     halvings: u32,
@@ -81,8 +86,8 @@ impl DeepMap {
     ) -> Result<Self, MapError> {
         tally::add(Work::DeepMaps, 1);
         let first = first_resolution(&view, model, settings);
-        let mut map = Self { view, settings: *settings, resolution: first, halvings: 0, tiles: Vec::new() };
-        while !map.fill(model, rule, cancelled)? {
+        let mut map = Self { view, rule, settings: *settings, resolution: first, halvings: 0, tiles: Vec::new() };
+        while !map.fill(model, cancelled)? {
             if map.resolution <= TILE {
                 let most_bytes = settings.most_bytes;
                 return Err(MapError::Memory { resolution: map.resolution, most_bytes });
@@ -94,12 +99,7 @@ impl DeepMap {
     }
 
     /// Makes all tiles; false if they take too much memory.
-    fn fill(
-        &mut self,
-        model: &HairModel,
-        rule: Transmittance,
-        cancelled: &(impl Fn() -> bool + Sync),
-    ) -> Result<bool, MapError> {
+    fn fill(&mut self, model: &HairModel, cancelled: &(impl Fn() -> bool + Sync)) -> Result<bool, MapError> {
         self.tiles.clear();
         let per_side = self.settings.per_side();
         let cells = self.resolution * per_side;
@@ -107,7 +107,7 @@ impl DeepMap {
         let pixels = TileGrid::new(PixelRect::image([self.resolution; 2]), TILE);
         let projection = self.view.projection(cells);
         for image in 0..self.view.images() {
-            let source = Source { model, rule, view: &self.view, image, projection, per_side };
+            let source = Source::new(&self.view, image, [self.resolution, per_side], model, self.rule);
             let segment = |index| self.view.segment(image, model, index);
             let bins = assign(&grid, &projection, model.segments() as u32, segment)?;
             // Row by row: what is over the bound is found before all is made.
@@ -169,15 +169,74 @@ impl DeepMap {
     }
 
     /// What hair leaves of the lamp's light at a point: the mean over the pixels around it.
-    pub fn transmittance(&self, point: &Point) -> f32 {
+    ///
+    /// What lies before the point's own strand in a pixel is before it everywhere. What lies beside or behind its parts is known where the strand does
+    /// not cover the pixel, and taken to be the same where it does.
+    pub fn transmittance(&self, model: &HairModel, point: &Point) -> f32 {
         let Some(seen) = self.view.see(point.position) else { return 1.0 };
-        let own = point.own(&self.view, &seen);
-        let mut sum = 0.0;
+        let depth = seen.depth as f32;
+        let (mut left, mut pixels) = (0.0, PixelRect { min: [u32::MAX; 2], max: [0; 2] });
         self.around(&seen, |x, y, weight| {
-            let depth = seen.depth - own.map_or(0.0, |own| seen.of_pixel(self.resolution, x, y, |o, h| own.bias(o, h)));
-            sum += weight * f64::from(value(self.function(seen.image, x, y), depth as f32));
+            left += weight * f64::from(value(self.function(seen.image, x, y), depth));
+            pixels.min = [pixels.min[0].min(x), pixels.min[1].min(y)];
+            pixels.max = [pixels.max[0].max(x + 1), pixels.max[1].max(y + 1)];
         });
-        sum as f32
+        let left = match point.on {
+            Some(on) => self.without(model, on, &seen, &pixels, left),
+            None => left,
+        };
+        left.clamp(0.0, 1.0) as f32
+    }
+
+    /// What is left at a point on a strand without what the strand itself takes near the point, of `left` with it.
+    ///
+    /// How much light each step of the strand takes is read off the functions: another strand may be before it. It goes on from there as what the
+    /// strand leaves free does, which says more the more that is.
+    fn without(&self, model: &HairModel, on: OnStrand, seen: &Seen, pixels: &PixelRect, left: f64) -> f64 {
+        let depth = seen.depth as f32;
+        let fineness = [self.resolution, self.settings.per_side()];
+        let source = Source::new(&self.view, seen.image, fineness, model, self.rule);
+        let Some(own) = source.own(on, pixels, depth) else { return left };
+        let mut before = 0.0;
+        self.around(seen, |x, y, weight| {
+            before += weight * f64::from(value(self.function(seen.image, x, y), own.nearest));
+        });
+        // All that is there between is less than the map knows.
+        if before - left < f64::from(self.settings.error) {
+            return left;
+        }
+        let steps = source.steps_of(&own, pixels);
+        let (mut before, mut taken, mut counts) = (0.0, 0.0, 0.0);
+        self.around(seen, |x, y, weight| {
+            let function = self.function(seen.image, x, y);
+            let pixel = pixels.index([x, y]) as u32;
+            let first = steps.partition_point(|step| step.pixel < pixel);
+            let own = &steps[first..first + steps[first..].partition_point(|step| step.pixel == pixel)];
+            before += weight * f64::from(value(function, own.first().map_or(depth, |step| step.depth)));
+            for same in own.chunk_by(|a, b| a.depth == b.depth) {
+                let fall = weight * self.fall(function, same);
+                let sum = |of: fn(&Step) -> f32| same.iter().map(|step| f64::from(of(step))).sum::<f64>();
+                taken += fall;
+                counts += fall * (sum(|step| step.counts) / sum(|step| step.taken));
+            }
+        });
+        let prior = PRIOR * taken;
+        let free = before - taken + prior;
+        let beside = if free > 0.0 { ((left + prior) / free).min(1.0) } else { 1.0 };
+        (before - counts) * beside
+    }
+
+    /// What steps at one depth take of a function, as it says itself; where they may be too small for it to know, what they take of its value.
+    fn fall(&self, function: &[Node], steps: &[Step]) -> f64 {
+        let depth = steps[0].depth;
+        let most: f32 = steps.iter().map(|step| step.taken).sum();
+        let before = value(function, depth);
+        let fall = if most > 4.0 * self.settings.error {
+            (before - value(function, depth.next_up())).clamp(0.0, most)
+        } else {
+            most * before
+        };
+        fall.into()
     }
 
     /// Where rays to the lamp begin that together see what the map says of a point: at its depth, `per_side`² strata in each pixel that counts, with weights that

@@ -8,6 +8,7 @@ mod cells;
 mod compress;
 pub mod deep;
 mod filter;
+mod own;
 pub mod plain;
 mod receiver;
 mod view;

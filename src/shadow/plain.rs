@@ -24,6 +24,7 @@ const TILE: u32 = 16;
 #[derive(Debug)]
 pub struct ShadowMap {
     view: View,
+    rule: Transmittance,
     filter: f32,
     resolution: u32,
     halvings: u32,
@@ -56,12 +57,13 @@ impl ShadowMap {
             resolution = (resolution / 2).next_multiple_of(TILE);
             halvings += 1;
         }
-        let projection = view.projection(resolution);
+        let mut map = Self { view, rule, filter: settings.filter, resolution, halvings, depths: Vec::new() };
+        let projection = map.view.projection(resolution);
         let grid = TileGrid::new(PixelRect::image([resolution; 2]), TILE);
-        let mut depths = Vec::new();
-        for image in 0..view.images() {
-            let source = Source { model, rule, view: &view, image, projection, per_side: 1 };
-            let bins = assign(&grid, &projection, model.segments() as u32, |index| view.segment(image, model, index))?;
+        for image in 0..map.view.images() {
+            let source = Source::new(&map.view, image, [resolution, 1], model, rule);
+            let bins =
+                assign(&grid, &projection, model.segments() as u32, |index| map.view.segment(image, model, index))?;
             let tile = |pieces: &mut Vec<_>, index: usize| {
                 let mut depths = vec![f32::INFINITY; (TILE * TILE) as usize];
                 for run in bins.tile(index).chunks(1024).take_while(|_| !cancelled()) {
@@ -81,9 +83,9 @@ impl ShadowMap {
             if cancelled() {
                 return Err(MapError::Cancelled);
             }
-            depths.extend(tiles.into_iter().flatten());
+            map.depths.extend(tiles.into_iter().flatten());
         }
-        Ok(Self { view, filter: settings.filter, resolution, halvings, depths })
+        Ok(map)
     }
 
     /// What it is and takes.
@@ -97,18 +99,27 @@ impl ShadowMap {
         }
     }
 
-    /// The share of the pixels around a point whose hair is not before it.
-    pub fn transmittance(&self, point: &Point) -> f32 {
+    /// The share of the pixels around a point whose hair is not before it, its own strand left out where it lies before all other hair.
+    pub fn transmittance(&self, model: &HairModel, point: &Point) -> f32 {
         let Some(seen) = self.view.see(point.position) else { return 1.0 };
         let size = f64::from(self.resolution);
-        let own = point.own(&self.view, &seen);
         let columns = self.resolution / TILE;
+        let depth = seen.depth as f32;
         let mut sum = 0.0;
         filter::around(seen.at * size, f64::from(self.filter), self.resolution, |x, y, weight| {
             let tile = (seen.image as u32 * columns + y / TILE) * columns + x / TILE;
             let nearest = self.depths[(tile * TILE * TILE + y % TILE * TILE + x % TILE) as usize];
-            let depth = seen.depth - own.map_or(0.0, |own| seen.of_pixel(self.resolution, x, y, |o, h| own.bias(o, h)));
-            sum += if f64::from(nearest) < depth { 0.0 } else { weight };
+            let from = || match point.on {
+                Some(on) => {
+                    let pixel = PixelRect { min: [x, y], max: [x + 1, y + 1] };
+                    let source = Source::new(&self.view, seen.image, [self.resolution, 1], model, self.rule);
+                    let own = source.own(on, &pixel, depth);
+                    let steps = own.map(|own| source.steps_of(&own, &pixel)).unwrap_or_default();
+                    steps.first().map_or(f32::INFINITY, |step| step.depth)
+                }
+                None => f32::INFINITY,
+            };
+            sum += if nearest < depth && nearest < from() { 0.0 } else { weight };
         });
         sum as f32
     }

@@ -47,21 +47,6 @@ pub struct Seen {
     pub at: DVec2,
     /// Depth, less the base.
     pub depth: f64,
-    /// Width of the whole image at this depth.
-    pub width: f64,
-    /// Unit direction from the lamp.
-    pub ray: Vec3,
-    /// Cosine between it and the image's axis.
-    pub cosine: f64,
-}
-
-impl Seen {
-    /// Calls `take` with the way from here to the middle of a pixel and half the pixel's side, in lengths at this depth.
-    pub(super) fn of_pixel<T>(&self, resolution: u32, x: u32, y: u32, take: impl FnOnce(DVec2, f64) -> T) -> T {
-        let side = self.width / f64::from(resolution);
-        let middle = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) * side;
-        take(middle - self.at * self.width, 0.5 * side)
-    }
 }
 
 fn frame(axis: DVec3) -> [DVec3; 3] {
@@ -142,22 +127,13 @@ impl View {
             }
         };
         let here = self.in_frame(image, point);
-        let (scale, cosine) =
-            if self.parallel { (self.half, 1.0) } else { (self.half * here.z, here.z / here.length()) };
+        let scale = if self.parallel { self.half } else { self.half * here.z };
         if !(self.parallel || here.z > NEAR) {
             return None;
         }
         let at = 0.5 + 0.5 * DVec2::new(here.x, -here.y) / scale;
         let inside = at.min_element() >= 0.0 && at.max_element() <= 1.0;
-        let ray = if self.parallel { self.frames[0][2] } else { offset.normalize() }.as_vec3();
-        inside.then_some(Seen { image, at, depth: here.z - self.base, width: 2.0 * scale, ray, cosine })
-    }
-
-    /// How a point that moves in a unit direction drifts across the ray that it is seen along, x right and y down, and how its depth grows.
-    pub(super) fn drift(&self, seen: &Seen, direction: Vec3) -> (DVec2, f64) {
-        let [x, y, z] = self.frames[seen.image].map(|axis| direction.as_dvec3().dot(axis));
-        let slant = if self.parallel { DVec2::ZERO } else { (2.0 * seen.at - 1.0) * self.half };
-        (DVec2::new(x, -y) - slant * z, z)
+        inside.then_some(Seen { image, at, depth: here.z - self.base })
     }
 
     /// The point at a place and depth of an image.
@@ -174,6 +150,17 @@ impl View {
         let middle = 0.5 * f64::from(cells);
         let depth = if self.parallel { FAR_AWAY } else { 1.0 };
         Projection { focal: middle / self.half * depth, center: DVec2::splat(middle), near: NEAR }
+    }
+
+    /// The ends of a segment in an image's frame: right, up, and depth less the base.
+    pub(super) fn ends(&self, image: usize, model: &HairModel, index: u32) -> [DVec3; 2] {
+        model.ends(index as usize).map(|end| self.in_frame(image, end) - DVec3::Z * self.base)
+    }
+
+    /// Where a place in an image's frame is seen, in pixels of a projection, and how many pixels a unit of length has there; none at the lamp and behind it.
+    pub(super) fn place(&self, projection: &Projection, at: DVec3) -> Option<(DVec2, f64)> {
+        let z = if self.parallel { FAR_AWAY } else { at.z + self.base };
+        (z > NEAR).then(|| (projection.pixel(DVec3::new(at.x, at.y, z)), projection.focal / z))
     }
 
     /// A segment as an image sees it. Parallel light sees all of it at one depth, far away.
@@ -260,24 +247,8 @@ mod tests {
                 let back = view.point(seen.image, seen.at, seen.depth);
                 let size = view.origin.length().max(1.0) as f32;
                 assert!(back.distance(p) < 1e-6 * size, "view {n}: {p} {back}");
-                assert!((seen.ray.length() - 1.0).abs() < 1e-6 && seen.cosine > 0.57);
             }
             assert!(count > 500, "view {n} sees {count}");
-        }
-    }
-
-    #[test]
-    fn drift_is_the_derivative_of_the_place() {
-        let model = model();
-        let direction = Vec3::new(0.48, -0.6, 0.64);
-        for (n, view) in views(&model).iter().enumerate() {
-            for p in [Vec3::new(0.05, -0.1, 0.15), Vec3::new(-0.15, 0.1, -0.02)] {
-                let (Some(here), Some(there)) = (view.see(p), view.see(p + 1e-3 * direction)) else { panic!("{n}") };
-                let (drift, depth) = view.drift(&here, direction);
-                let size = 1e-3 * view.origin.length().max(1.0);
-                assert!(((there.at - here.at) * here.width * 1e3 - drift).length() < 0.03 + size, "view {n}: {drift}");
-                assert!(((there.depth - here.depth) * 1e3 - depth).abs() < 1e-3 + size, "view {n}: {depth}");
-            }
         }
     }
 
@@ -301,7 +272,9 @@ mod tests {
                     assert!((pixel - seen.at * 1000.0).length() < 0.01, "view {n}: {pixel} {}", seen.at);
                     let fragment = HairFragment { depth: 0.0, coverage: 1.0, segment: index, u, span: 0.1 };
                     let behind = f64::from(view.counted_from(image, &model, &fragment, seen.at)) - seen.depth;
-                    assert!((behind - 0.01 * seen.cosine).abs() < 1e-5 * view.base.max(1.0), "view {n}: {behind}");
+                    let here = view.in_frame(image, a + (b - a) * u);
+                    let cosine = if view.parallel { 1.0 } else { here.z / here.length() };
+                    assert!((behind - 0.01 * cosine).abs() < 1e-5 * view.base.max(1.0), "view {n}: {behind}");
                 }
             }
         }

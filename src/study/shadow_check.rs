@@ -106,20 +106,13 @@ impl Bench<'_> {
     fn sample(&self, point: &ShadingPoint) -> Option<Sample> {
         let position = point.receiver.position;
         self.light.incident(position)?;
-        let at = match point.place {
-            Place::Hair { segment, .. } => {
-                let tangent = self.model.sample(segment as usize, 0.5).tangent;
-                Point { position, hair: point.receiver.on.map(|on| (on, tangent)) }
-            }
-            Place::Surface { .. } => Point::on_surface(position),
-        };
+        let at = Point { position, on: point.receiver.on };
         let reference = self.spread(position, &at, point.key)?;
-        Some(Sample { value: f64::from(self.map.transmittance(&at)), reference })
+        Some(Sample { value: f64::from(self.map.transmittance(self.model, &at)), reference })
     }
 
     /// Means over rays spread as the map weights its pixels, two of them, independent.
     fn spread(&self, position: Vec3, at: &Point, key: u32) -> Option<[f64; 2]> {
-        let on = at.hair.map(|(on, _)| on);
         let through = |origin: Vec3| {
             // Beyond a spot's cone next to a point inside it: as the map, which knows no cone.
             let (direction, far) = match *self.light {
@@ -128,7 +121,7 @@ impl Bench<'_> {
                 }
                 DirectLight::Directional { toward, .. } => (toward, f32::INFINITY),
             };
-            f64::from(self.rays.transmittance(self.model, &Ray { origin, direction, far, on }, 0.0))
+            f64::from(self.rays.transmittance(self.model, &Ray { origin, direction, far, on: at.on }, 0.0))
         };
         let half = |half| {
             let jitter = |pixel, stratum, axis| to_unit(hash(&[SPREAD, key, half, pixel, stratum, axis])).into();

@@ -38,7 +38,7 @@ impl Lighting<'_> {
         }
         let mut lap = Lap::start();
         let position = point.position;
-        let (shadows, by_hair, asked) = match point.hair {
+        let (shadows, by_hair, asked) = match point.on {
             Some(_) => (&self.shadows.on_hair, Part::HairShadowsOnHair, Work::HairShadowsOnHair),
             None => (&self.shadows.on_surfaces, Part::HairShadowsOnSurfaces, Work::HairShadowsOnSurfaces),
         };
@@ -59,9 +59,8 @@ impl Lighting<'_> {
                 continue;
             }
             tally::add(asked, 1);
-            let on = point.hair.map(|(on, _)| on);
-            let rays = || self.through_hair(position, toward, distance, on);
-            lit.direct += reflected * shadow.transmittance(point, rays);
+            let rays = || self.through_hair(position, toward, distance, point.on);
+            lit.direct += reflected * shadow.transmittance(&self.scene.hair, point, rays);
             lap.ends(by_hair, &mut space.clock);
         }
     }
