@@ -216,8 +216,11 @@ impl DeepMap {
             for same in own.chunk_by(|a, b| a.depth == b.depth) {
                 let fall = weight * self.fall(function, same);
                 let sum = |of: fn(&Step) -> f32| same.iter().map(|step| f64::from(of(step))).sum::<f64>();
-                taken += fall;
-                counts += fall * (sum(|step| step.counts) / sum(|step| step.taken));
+                // A step may be so small that its share is no number.
+                if fall > 0.0 {
+                    taken += fall;
+                    counts += fall * (sum(|step| step.counts) / sum(|step| step.taken));
+                }
             }
         });
         let prior = PRIOR * taken;
