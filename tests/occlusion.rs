@@ -227,8 +227,7 @@ fn brute_force(model: &HairModel, ray: &Ray) -> (f64, f64) {
             (f64::from(ray.far) - distance) / width,
         ];
         if let Some(on) = ray.on.filter(|on| on.strand == model.strand[segment]) {
-            let p = model.segment_point[segment] as usize;
-            let [from, to] = [model.arc[p], model.arc[p + 1]].map(f64::from);
+            let [from, to] = model.arcs(segment).map(f64::from);
             margins.push(((from + at * (to - from) - f64::from(on.arc)).abs() / f64::from(on.width)) - 4.0);
         }
         let counts = margins.iter().copied().fold(f64::INFINITY, f64::min);

@@ -166,6 +166,26 @@ fn all_models_agree_with_rays() {
 }
 
 #[test]
+#[ignore = "slow: maps of 2048 pixels a side"]
+fn fine_maps_agree_with_rays() {
+    let settings =
+        Settings { resolution: Some(2048), samples: 4, error: 0.002, most_bytes: 2 << 30, ..Settings::default() };
+    for transparency in [0.0, 0.5] {
+        for (name, model) in all(transparency) {
+            let rays = traced(&model);
+            let points = points(&model, 150);
+            for lamp in lamps() {
+                let d = compare(&model, &rays, lamp, &settings, &points, 12);
+                println!("{name:16} {transparency} {:12}: RMS {:.4}", &format!("{lamp:?}")[..5], d.spread);
+                // Far off the axis of a cube's image joints are found less well.
+                let bound = if matches!(lamp, Lamp::Point(_)) { 0.06 } else { 0.02 };
+                assert!(d.spread < bound, "{name} {transparency} {lamp:?}: {d:?}");
+            }
+        }
+    }
+}
+
+#[test]
 fn maps_agree_with_rays() {
     let model = grow(Style::Ball, 4000, 20, 0.004, 0.3);
     let rays = traced(&model);

@@ -167,6 +167,13 @@ impl HairModel {
         [self.width[p], self.width[p + 1]]
     }
 
+    /// Lengths of arc from the root to the two ends of a segment.
+    #[inline]
+    pub fn arcs(&self, segment: usize) -> [f32; 2] {
+        let p = self.segment_point[segment] as usize;
+        [self.arc[p], self.arc[p + 1]]
+    }
+
     /// The point at parameter `u` (0 to 1) of a segment.
     pub fn sample(&self, segment: usize, u: f32) -> StrandSample {
         let p = self.segment_point[segment] as usize;

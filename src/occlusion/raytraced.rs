@@ -112,8 +112,8 @@ impl Exclusion<'_> {
         if crossing.segment.wrapping_sub(self.first) >= self.count {
             return false;
         }
-        let p = self.model.segment_point[crossing.segment as usize] as usize;
-        let arc = self.model.arc[p] + (self.model.arc[p + 1] - self.model.arc[p]) * crossing.u;
+        let [from, to] = self.model.arcs(crossing.segment as usize);
+        let arc = from + (to - from) * crossing.u;
         arc > self.arc[0] && arc < self.arc[1]
     }
 }
@@ -136,8 +136,8 @@ impl HairRays {
     pub fn build(device: &Device, model: &HairModel, rule: Transmittance) -> Result<Self, Error> {
         let vertices: Vec<Vec4> = model.points.iter().zip(&model.width).map(|(p, w)| p.extend(0.5 * w)).collect();
         let depth = |segment: usize| {
-            let p = model.segment_point[segment] as usize;
-            let opacity = f64::from(rule.opacity(model.transparency[segment], model.arc[p + 1] - model.arc[p]));
+            let [from, to] = model.arcs(segment);
+            let opacity = f64::from(rule.opacity(model.transparency[segment], to - from));
             // The conversion saturates: a depth beyond 4095 is opaque.
             (-(-opacity).ln_1p() / DEPTH_STEP).round() as u32
         };

@@ -22,10 +22,7 @@ pub const WHOLE: Parts = [Some([0.0, 1.0]), None];
 #[inline]
 pub fn counted(model: &HairModel, receiver: &Receiver, segment: usize) -> Parts {
     match receiver.on {
-        Some(on) if model.strand[segment] == on.strand => {
-            let p = model.segment_point[segment] as usize;
-            outside(on.excluded(), [model.arc[p], model.arc[p + 1]])
-        }
+        Some(on) if model.strand[segment] == on.strand => outside(on.excluded(), model.arcs(segment)),
         _ => WHOLE,
     }
 }

@@ -111,8 +111,7 @@ fn crosses(model: &HairModel, receiver: &Receiver, segment: usize, origin: DVec3
         return false;
     }
     receiver.on.filter(|on| on.strand == model.strand[segment]).is_none_or(|on| {
-        let p = model.segment_point[segment] as usize;
-        let [from, to] = [model.arc[p], model.arc[p + 1]].map(f64::from);
+        let [from, to] = model.arcs(segment).map(f64::from);
         let [low, high] = on.excluded().map(f64::from);
         !(low..high).contains(&(from + u * (to - from)))
     })

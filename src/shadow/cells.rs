@@ -88,9 +88,8 @@ impl<'a> Source<'a> {
 
     /// The pieces of one segment in some cells of a rectangle of pixels, with the place along the segment (0 to 1) of each and how much of it is seen.
     pub fn scan(&self, index: u32, pixels: &PixelRect, cells: &PixelRect, mut take: impl FnMut(Piece, [f32; 2])) {
-        let p = self.model.segment_point[index as usize] as usize;
-        let length = self.model.arc[p + 1] - self.model.arc[p];
-        let opacity = self.rule.opacity(self.model.transparency[index as usize], length);
+        let [from, to] = self.model.arcs(index as usize);
+        let opacity = self.rule.opacity(self.model.transparency[index as usize], to - from);
         if opacity <= 0.0 {
             return;
         }

@@ -105,11 +105,10 @@ impl DeepMap {
         let cells = self.resolution * per_side;
         let grid = TileGrid::new(PixelRect::image([cells; 2]), TILE * per_side);
         let pixels = TileGrid::new(PixelRect::image([self.resolution; 2]), TILE);
-        let projection = self.view.projection(cells);
         for image in 0..self.view.images() {
             let source = Source::new(&self.view, image, [self.resolution, per_side], model, self.rule);
             let segment = |index| self.view.segment(image, model, index);
-            let bins = assign(&grid, &projection, model.segments() as u32, segment)?;
+            let bins = assign(&grid, &source.projection, model.segments() as u32, segment)?;
             // Row by row: what is over the bound is found before all is made.
             for row in 0..grid.dimensions()[1] as usize {
                 let columns = grid.dimensions()[0] as usize;

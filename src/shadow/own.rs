@@ -49,7 +49,7 @@ impl Source<'_> {
         let Own { on, segments, cells, depth, .. } = own;
         let [low, high] = on.excluded();
         for index in segments.clone() {
-            let [a, b] = self.arcs(index);
+            let [a, b] = self.model.arcs(index as usize);
             // The share of a piece that does not count: a strand that leans to the lamp shows much of its length in a cell.
             let excluded = |u: f32, span: f32| {
                 let [from, to] = [u - 0.5 * span, u + 0.5 * span].map(|u| a + (b - a) * u.clamp(0.0, 1.0));
@@ -85,22 +85,17 @@ impl Source<'_> {
         let (mut first, mut last) = (on.segment, on.segment);
         while let Some(before) = first.checked_sub(1).filter(same) {
             first = before;
-            if self.arcs(first)[1] <= low {
+            if model.arcs(first as usize)[1] <= low {
                 break;
             }
         }
         while let Some(after) = last.checked_add(1).filter(same) {
             last = after;
-            if self.arcs(last)[0] >= high {
+            if model.arcs(last as usize)[0] >= high {
                 break;
             }
         }
         first..=last
-    }
-
-    fn arcs(&self, index: u32) -> [f32; 2] {
-        let p = self.model.segment_point[index as usize] as usize;
-        [self.model.arc[p], self.model.arc[p + 1]]
     }
 
     /// The cells of some pixels in which pieces of the segments may be before a depth within the arc that does not count, and the least depth of such a
@@ -116,7 +111,7 @@ impl Source<'_> {
         let (mut low, mut high, mut nearest) = (DVec2::INFINITY, DVec2::NEG_INFINITY, f64::INFINITY);
         for index in segments {
             let [a, b] = self.view.ends(self.image, self.model, index);
-            let [from, to] = self.arcs(index).map(f64::from);
+            let [from, to] = self.model.arcs(index as usize).map(f64::from);
             let [begin, end] = on.excluded().map(|arc| (f64::from(arc) - from) / (to - from));
             // A piece is held up to a width behind its depth, by the cosine of its ray: no ray of an image has less than half.
             let width = f64::from(self.model.widths(index as usize).into_iter().fold(0.0, f32::max));

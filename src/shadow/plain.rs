@@ -58,12 +58,11 @@ impl ShadowMap {
             halvings += 1;
         }
         let mut map = Self { view, rule, filter: settings.filter, resolution, halvings, depths: Vec::new() };
-        let projection = map.view.projection(resolution);
         let grid = TileGrid::new(PixelRect::image([resolution; 2]), TILE);
         for image in 0..map.view.images() {
             let source = Source::new(&map.view, image, [resolution, 1], model, rule);
-            let bins =
-                assign(&grid, &projection, model.segments() as u32, |index| map.view.segment(image, model, index))?;
+            let segment = |index| map.view.segment(image, model, index);
+            let bins = assign(&grid, &source.projection, model.segments() as u32, segment)?;
             let tile = |pieces: &mut Vec<_>, index: usize| {
                 let mut depths = vec![f32::INFINITY; (TILE * TILE) as usize];
                 for run in bins.tile(index).chunks(1024).take_while(|_| !cancelled()) {

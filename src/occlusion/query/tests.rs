@@ -32,8 +32,7 @@ fn total(model: &HairModel, receiver: &Receiver) -> f64 {
         let ranges = match receiver.on.filter(|on| on.strand == model.strand[segment]) {
             None => vec![[0.0, 1.0]],
             Some(on) => {
-                let p = model.segment_point[segment] as usize;
-                let [from, to] = [model.arc[p], model.arc[p + 1]].map(f64::from);
+                let [from, to] = model.arcs(segment).map(f64::from);
                 let [low, high] = on.excluded().map(|arc| (f64::from(arc) - from) / (to - from));
                 vec![[0.0, low.clamp(0.0, 1.0)], [high.clamp(0.0, 1.0), 1.0]]
             }
