@@ -4,7 +4,7 @@
 //! - EXR (OpenEXR File Layout, version 2): magic, version and flags, then for each part attributes of name, type, size and
 //!   value, closed by an empty name; in a multi-part file one more empty name closes the list of parts. The library reads the
 //!   values of types that it knows as these are made, whatever the size says, and goes on behind them: where the two differ it
-//!   would take what follows for other attributes than are seen here.
+//!   would take what follows for other attributes than are seen here. It makes room for a whole tile, also where the picture is smaller.
 //! - PNG (ISO/IEC 15948, 5.3): after eight bytes of signature chunks of length, type, data and checksum, up to `IEND`.
 
 use std::ffi::CStr;
@@ -14,6 +14,8 @@ use std::path::Path;
 
 /// Set in the version field of a file with several parts.
 const MULTI_PART: u32 = 0x1000;
+/// Bytes of a tile at the most: 4096x4096 pixels of four channels of 32 bits. Tiles are to be small; what is larger is a damaged header.
+const LARGEST_TILE: u64 = 1 << 28;
 /// Names and types have 31 characters, or 255 in files that say so.
 const LONGEST_NAME: u64 = 255;
 
@@ -38,13 +40,22 @@ fn check_attributes<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Re
     let multi_part = u32::from_le_bytes([start[4], start[5], start[6], start[7]]) & MULTI_PART != 0;
     let mut position = start.len() as u64;
     let mut part_is_empty = true;
+    // Should an attribute come twice, the larger counts.
+    let (mut pixel_bytes, mut tile) = (0, [0; 2]);
     loop {
         let name = read_name(input, &mut position)?;
         if name.is_empty() {
+            let [width, height] = tile;
+            if u64::saturating_mul(width * height, pixel_bytes) > LARGEST_TILE {
+                let text = format!(
+                    "it claims tiles of {width}x{height} pixels of {pixel_bytes} bytes; at most {LARGEST_TILE} bytes a tile are read"
+                );
+                return Ok(Err(text));
+            }
             if !multi_part || part_is_empty {
                 return Ok(Ok(()));
             }
-            part_is_empty = true;
+            (part_is_empty, pixel_bytes, tile) = (true, 0, [0; 2]);
             continue;
         }
         part_is_empty = false;
@@ -58,8 +69,20 @@ fn check_attributes<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Re
             return Ok(Err(format!("the attribute {name:?} claims {size} bytes where the file has {left} left")));
         };
         let taken = match &kind[..] {
-            b"chlist" => channel_list_bytes(input, bytes)?,
-            b"preview" => preview_bytes(input, bytes)?,
+            b"chlist" => {
+                let (taken, of_pixel) = channel_list_bytes(input, bytes)?;
+                pixel_bytes = pixel_bytes.max(of_pixel);
+                Some(taken)
+            }
+            b"preview" => {
+                let [width, height] = read_size(input, bytes)?;
+                Some((width * height).saturating_mul(4).saturating_add(8))
+            }
+            b"tiledesc" => {
+                let [width, height] = read_size(input, bytes)?;
+                tile = [tile[0].max(width), tile[1].max(height)];
+                Some(9)
+            }
             _ => {
                 input.seek_relative(size)?;
                 FIXED.iter().find(|(name, _)| *name == &kind[..]).map(|(_, size)| *size)
@@ -74,7 +97,7 @@ fn check_attributes<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Re
 }
 
 /// Types whose values all have one size, in bytes.
-const FIXED: [(&[u8], u64); 24] = [
+const FIXED: [(&[u8], u64); 23] = [
     (b"box2f", 16),
     (b"box2i", 16),
     (b"chromaticities", 32),
@@ -91,7 +114,6 @@ const FIXED: [(&[u8], u64); 24] = [
     (b"m44d", 128),
     (b"m44f", 64),
     (b"rational", 8),
-    (b"tiledesc", 9),
     (b"timecode", 8),
     (b"v2d", 16),
     (b"v2f", 8),
@@ -101,31 +123,32 @@ const FIXED: [(&[u8], u64); 24] = [
     (b"v3i", 12),
 ];
 
-/// How many bytes a list of channels takes of the next `bytes`, all of which are passed: channels of a name and 16 bytes, and an
-/// empty name.
-fn channel_list_bytes(input: &mut impl BufRead, bytes: u64) -> io::Result<Option<u64>> {
+/// How many bytes a list of channels takes of the next `bytes`, all of which are passed, and how many its pixels have: channels of a name and
+/// 16 bytes, which begin with the type, and an empty name.
+fn channel_list_bytes(input: &mut impl BufRead, bytes: u64) -> io::Result<(u64, u64)> {
+    /// The type of 16 bits; the others have 32.
+    const HALF: [u8; 4] = 1_u32.to_le_bytes();
     let mut list = input.take(bytes);
-    let mut taken = 0;
+    let (mut taken, mut of_pixel) = (0, 0);
     while !read_name(&mut list, &mut taken)?.is_empty() {
         let mut channel = [0; 16];
         list.read_exact(&mut channel)?;
         taken += 16;
+        of_pixel += if channel[..4] == HALF { 2 } else { 4 };
     }
     io::copy(&mut list, &mut io::sink())?;
-    Ok(Some(taken))
+    Ok((taken, of_pixel))
 }
 
-/// How many bytes a preview says that it has, of the next `bytes`, all of which are passed: width, height and 4 bytes a pixel.
-fn preview_bytes<R: BufRead + Seek>(input: &mut R, bytes: u64) -> io::Result<Option<u64>> {
+/// Width and height at the start of the next `bytes`, all of which are passed.
+fn read_size<R: BufRead + Seek>(input: &mut R, bytes: u64) -> io::Result<[u64; 2]> {
     let mut size = [0; 8];
     if bytes < 8 {
         return Err(io::ErrorKind::UnexpectedEof.into());
     }
     input.read_exact(&mut size)?;
     input.seek_relative(bytes as i64 - 8)?;
-    let [width, height] =
-        [0, 4].map(|at| u64::from(u32::from_le_bytes([size[at], size[at + 1], size[at + 2], size[at + 3]])));
-    Ok(Some((width * height).saturating_mul(4).saturating_add(8)))
+    Ok([0, 4].map(|at| u64::from(u32::from_le_bytes([size[at], size[at + 1], size[at + 2], size[at + 3]]))))
 }
 
 fn check_chunks<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Result<Result<(), String>> {
@@ -203,6 +226,29 @@ mod tests {
         }
         assert!(result(0, &[typed("chlist", 17, &channel), end.clone()]).is_err(), "a list without end");
         assert!(result(0, &[typed("preview", 4, &[0; 4]), end]).is_err());
+    }
+
+    /// The library makes room for a whole tile, 1.3 GB for one of 8x16777224 pixels of five channels in a picture of 20x16.
+    #[test]
+    fn tiles_must_be_small() {
+        let channel = |name: &str, kind: u32| [name.as_bytes(), b"\0", &kind.to_le_bytes(), &[0; 12]].concat();
+        let channels = [channel("G", 1), channel("R", 2), b"\0".to_vec()].concat();
+        let list = [&b"channels\0chlist\0"[..], &(channels.len() as u32).to_le_bytes(), &channels].concat();
+        let tiles = |width: u32, height: u32| {
+            [&b"tiles\0tiledesc\0"[..], &9_u32.to_le_bytes(), &width.to_le_bytes(), &height.to_le_bytes(), &[0]]
+                .concat()
+        };
+        let end = b"\0".to_vec();
+        assert_eq!(result(0, &[list.clone(), tiles(64, 32), end.clone()]), Ok(()));
+        assert_eq!(result(0, &[list.clone(), tiles(8192, 4096), end.clone()]), Ok(()), "six bytes a pixel");
+        for tiles in [tiles(8, 0x0100_0008), tiles(u32::MAX, u32::MAX)] {
+            for parts in [[list.clone(), tiles.clone(), end.clone()], [tiles.clone(), list.clone(), end.clone()]] {
+                let text = result(0, &parts).unwrap_err();
+                assert!(text.contains("pixels of 6 bytes"), "{text}");
+            }
+            let second = [list.clone(), end.clone(), list.clone(), tiles, end.clone(), end.clone()];
+            assert!(result(MULTI_PART, &second).is_err());
+        }
     }
 
     #[test]
