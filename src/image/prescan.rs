@@ -4,7 +4,8 @@
 //! - EXR (OpenEXR File Layout, version 2): magic, version and flags, then for each part attributes of name, type, size and
 //!   value, closed by an empty name; in a multi-part file one more empty name closes the list of parts. The library reads the
 //!   values of types that it knows as these are made, whatever the size says, and goes on behind them: where the two differ it
-//!   would take what follows for other attributes than are seen here. It makes room for a whole tile, also where the picture is smaller.
+//!   would take what follows for other attributes than are seen here. It makes room for a whole tile, also where the picture
+//!   is smaller, and for as many lines as are compressed together.
 //! - PNG (ISO/IEC 15948, 5.3): after eight bytes of signature chunks of length, type, data and checksum, up to `IEND`.
 
 use std::ffi::CStr;
@@ -14,8 +15,11 @@ use std::path::Path;
 
 /// Set in the version field of a file with several parts.
 const MULTI_PART: u32 = 0x1000;
-/// Bytes of a tile at the most: 4096x4096 pixels of four channels of 32 bits. Tiles are to be small; what is larger is a damaged header.
-const LARGEST_TILE: u64 = 1 << 28;
+/// Bytes of a tile, or of the lines that are compressed together, at the most: 4096x4096 pixels of four channels of 32 bits. Blocks are to be
+/// small; what is larger is a damaged header.
+const LARGEST_BLOCK: u64 = 1 << 28;
+/// Lines that are compressed together, by the number of the compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB.
+const LINES: [u64; 10] = [1, 1, 1, 16, 32, 16, 32, 32, 32, 256];
 /// Names and types have 31 characters, or 255 in files that say so.
 const LONGEST_NAME: u64 = 255;
 
@@ -40,22 +44,17 @@ fn check_attributes<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Re
     let multi_part = u32::from_le_bytes([start[4], start[5], start[6], start[7]]) & MULTI_PART != 0;
     let mut position = start.len() as u64;
     let mut part_is_empty = true;
-    // Should an attribute come twice, the larger counts.
-    let (mut pixel_bytes, mut tile) = (0, [0; 2]);
+    let mut block = Block::default();
     loop {
         let name = read_name(input, &mut position)?;
         if name.is_empty() {
-            let [width, height] = tile;
-            if u64::saturating_mul(width * height, pixel_bytes) > LARGEST_TILE {
-                let text = format!(
-                    "it claims tiles of {width}x{height} pixels of {pixel_bytes} bytes; at most {LARGEST_TILE} bytes a tile are read"
-                );
+            if let Err(text) = block.check() {
                 return Ok(Err(text));
             }
             if !multi_part || part_is_empty {
                 return Ok(Ok(()));
             }
-            (part_is_empty, pixel_bytes, tile) = (true, 0, [0; 2]);
+            (part_is_empty, block) = (true, Block::default());
             continue;
         }
         part_is_empty = false;
@@ -71,7 +70,7 @@ fn check_attributes<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Re
         let taken = match &kind[..] {
             b"chlist" => {
                 let (taken, of_pixel) = channel_list_bytes(input, bytes)?;
-                pixel_bytes = pixel_bytes.max(of_pixel);
+                block.pixel_bytes = block.pixel_bytes.max(of_pixel);
                 Some(taken)
             }
             b"preview" => {
@@ -80,8 +79,19 @@ fn check_attributes<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Re
             }
             b"tiledesc" => {
                 let [width, height] = read_size(input, bytes)?;
-                tile = [tile[0].max(width), tile[1].max(height)];
+                block.tile = [block.tile[0].max(width), block.tile[1].max(height)];
                 Some(9)
+            }
+            b"box2i" => {
+                let width = window_width(input, bytes)?;
+                block.width = block.width.max(if name == b"dataWindow" { width } else { 0 });
+                Some(16)
+            }
+            b"compression" if bytes == 1 => {
+                let mut number = [0];
+                input.read_exact(&mut number)?;
+                block.lines = block.lines.max(LINES.get(usize::from(number[0])).copied().unwrap_or(1));
+                None
             }
             _ => {
                 input.seek_relative(size)?;
@@ -96,10 +106,34 @@ fn check_attributes<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Re
     }
 }
 
+/// What of a part is read at once. Of what comes twice, the largest.
+#[derive(Default)]
+struct Block {
+    pixel_bytes: u64,
+    /// Width and height, in pixels; 0 where the part has no tiles.
+    tile: [u64; 2],
+    /// Of the data window, in pixels.
+    width: u64,
+    lines: u64,
+}
+
+impl Block {
+    fn check(&self) -> Result<(), String> {
+        let Self { pixel_bytes, tile, width, lines } = *self;
+        let ([width, height], what) =
+            if tile == [0; 2] { ([width, lines.max(1)], "blocks of lines") } else { (tile, "tiles") };
+        if u64::saturating_mul(width * height, pixel_bytes) <= LARGEST_BLOCK {
+            return Ok(());
+        }
+        Err(format!(
+            "it claims {what} of {width}x{height} pixels of {pixel_bytes} bytes; at most {LARGEST_BLOCK} bytes are read at once"
+        ))
+    }
+}
+
 /// Types whose values all have one size, in bytes.
-const FIXED: [(&[u8], u64); 23] = [
+const FIXED: [(&[u8], u64); 22] = [
     (b"box2f", 16),
-    (b"box2i", 16),
     (b"chromaticities", 32),
     (b"compression", 1),
     (b"deepImageState", 1),
@@ -149,6 +183,19 @@ fn read_size<R: BufRead + Seek>(input: &mut R, bytes: u64) -> io::Result<[u64; 2
     input.read_exact(&mut size)?;
     input.seek_relative(bytes as i64 - 8)?;
     Ok([0, 4].map(|at| u64::from(u32::from_le_bytes([size[at], size[at + 1], size[at + 2], size[at + 3]]))))
+}
+
+/// Width of a window in the next `bytes`, all of which are passed: the least x and y and the largest, both inside.
+fn window_width<R: BufRead + Seek>(input: &mut R, bytes: u64) -> io::Result<u64> {
+    let mut window = [0; 12];
+    if bytes < 16 {
+        return Err(io::ErrorKind::UnexpectedEof.into());
+    }
+    input.read_exact(&mut window)?;
+    input.seek_relative(bytes as i64 - 12)?;
+    let [low, high] = [0, 8].map(|at| i32::from_le_bytes([window[at], window[at + 1], window[at + 2], window[at + 3]]));
+    // A window without pixels is the library's to refuse.
+    Ok(u64::try_from(i64::from(high) - i64::from(low) + 1).unwrap_or(0))
 }
 
 fn check_chunks<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Result<Result<(), String>> {
@@ -230,7 +277,7 @@ mod tests {
 
     /// The library makes room for a whole tile, 1.3 GB for one of 8x16777224 pixels of five channels in a picture of 20x16.
     #[test]
-    fn tiles_must_be_small() {
+    fn what_is_read_at_once_must_be_small() {
         let channel = |name: &str, kind: u32| [name.as_bytes(), b"\0", &kind.to_le_bytes(), &[0; 12]].concat();
         let channels = [channel("G", 1), channel("R", 2), b"\0".to_vec()].concat();
         let list = [&b"channels\0chlist\0"[..], &(channels.len() as u32).to_le_bytes(), &channels].concat();
@@ -248,6 +295,18 @@ mod tests {
             }
             let second = [list.clone(), end.clone(), list.clone(), tiles, end.clone(), end.clone()];
             assert!(result(MULTI_PART, &second).is_err());
+        }
+        // Lines of 7,631,721 pixels of three channels, 16 at a time, had room made for them too.
+        let window = |high: i32| {
+            let corners = [0, 0, high, 4].map(i32::to_le_bytes).concat();
+            [&b"dataWindow\0box2i\0"[..], &16_u32.to_le_bytes(), &corners].concat()
+        };
+        let packed = |number: u8| [&b"compression\0compression\0"[..], &1_u32.to_le_bytes(), &[number]].concat();
+        let wide = |high, number| result(0, &[list.clone(), packed(number), window(high), end.clone()]);
+        assert_eq!((wide(7_631_720, 2), wide(100_000, 9), wide(-5, 9)), (Ok(()), Ok(()), Ok(())));
+        assert_eq!(result(0, &[list.clone(), tiles(64, 32), window(7_631_720), end.clone()]), Ok(()), "it has tiles");
+        for text in [wide(7_631_720, 3), wide(200_000, 9), wide(i32::MAX, 0)] {
+            assert!(text.as_ref().is_err_and(|text| text.contains("blocks of lines")), "{text:?}");
         }
     }
 
