@@ -60,6 +60,8 @@ works! {
     EnvironmentFaces = "environment_faces",
     /// Surfaces met by gather rays whose reflected light was found.
     Reflections = "reflections",
+    /// Corners of the lattice on which points on hair share what they see of surfaces.
+    SharedCorners = "shared_corners",
     /// Photons that left the lights.
     Photons = "photons",
     /// Photons that left the lights towards mirrors and glass.

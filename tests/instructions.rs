@@ -72,7 +72,7 @@ fn profiles_are_summed() {
 const NOTHING: u64 = 500;
 
 /// Each: what takes an effect away, and the source files that are its own.
-const OWN: [(&[&str], &[&str]); 10] = [
+const OWN: [(&[&str], &[&str]); 11] = [
     (&["--without", "surfaces"], &["src/embree/triangles.rs"]),
     // Caustics have maps of the same kind.
     (&["--without", "more-than-one-reflection", "--without", "caustics"], &["src/illumination/photon/"]),
@@ -81,6 +81,7 @@ const OWN: [(&[&str], &[&str]); 10] = [
         &["src/illumination/photon/aimed.rs", "src/illumination/photon/beams.rs", "src/illumination/photon/caustic.rs"],
     ),
     (&["--without", "light-reflected-by-surfaces"], &["src/illumination/photon/", "src/illumination/guide.rs"]),
+    (&["--set", "indirect.sharing=0"], &["src/render/lighting/shared.rs"]),
     (&["--without", "deep-shadow-maps"], &["src/shadow/compress.rs"]),
     (&["--without", "shadow-maps"], &["src/shadow/plain.rs"]),
     (
@@ -93,7 +94,7 @@ const OWN: [(&[&str], &[&str]); 10] = [
 ];
 
 #[test]
-#[ignore = "slow: ten renders under valgrind"]
+#[ignore = "slow: eleven renders under valgrind"]
 fn what_is_off_executes_nothing() {
     if Command::new("valgrind").arg("--version").output().is_err() {
         return eprintln!("skipped: there is no valgrind");

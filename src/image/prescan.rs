@@ -17,28 +17,36 @@ use std::path::Path;
 const MULTI_PART: u32 = 0x1000;
 /// Bytes of a tile, or of the lines that are compressed together, at the most: 4096x4096 pixels of four channels of 32 bits. Blocks are to be
 /// small; what is larger is a damaged header.
-const LARGEST_BLOCK: u64 = 1 << 28;
+pub(super) const LARGEST_BLOCK: u64 = 1 << 28;
 /// Lines that are compressed together, by the number of the compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB.
 const LINES: [u64; 10] = [1, 1, 1, 16, 32, 16, 32, 32, 32, 256];
 /// Names and types have 31 characters, or 255 in files that say so.
 const LONGEST_NAME: u64 = 255;
 
+/// Why a file is refused.
+#[derive(Debug, PartialEq)]
+pub(super) enum Fault {
+    Damaged(String),
+    /// What would be read at once, and how many bytes of it there are; at most [`LARGEST_BLOCK`] may be.
+    TooLarge(String, u64),
+}
+
 /// Checks that every EXR attribute, or every PNG chunk, lies inside the file of `file_bytes` bytes. An error says which
 /// does not. Other formats pass.
-pub(super) fn check(format: &CStr, path: &Path, file_bytes: u64) -> Result<(), String> {
+pub(super) fn check(format: &CStr, path: &Path, file_bytes: u64) -> Result<(), Fault> {
     let walk = match format.to_bytes() {
         b"openexr" => check_attributes,
         b"png" => check_chunks,
         _ => return Ok(()),
     };
-    let file = File::open(path).map_err(|error| error.to_string())?;
+    let file = File::open(path).map_err(|error| Fault::Damaged(error.to_string()))?;
     walk(&mut BufReader::new(file), file_bytes).unwrap_or_else(|error| match error.kind() {
-        io::ErrorKind::UnexpectedEof => Err("the file is cut short".to_owned()),
-        _ => Err(error.to_string()),
+        io::ErrorKind::UnexpectedEof => Err(Fault::Damaged("the file is cut short".to_owned())),
+        _ => Err(Fault::Damaged(error.to_string())),
     })
 }
 
-fn check_attributes<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Result<Result<(), String>> {
+fn check_attributes<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Result<Result<(), Fault>> {
     let mut start = [0; 8];
     input.read_exact(&mut start)?;
     let multi_part = u32::from_le_bytes([start[4], start[5], start[6], start[7]]) & MULTI_PART != 0;
@@ -48,8 +56,8 @@ fn check_attributes<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Re
     loop {
         let name = read_name(input, &mut position)?;
         if name.is_empty() {
-            if let Err(text) = block.check() {
-                return Ok(Err(text));
+            if let Err(fault) = block.check() {
+                return Ok(Err(fault));
             }
             if !multi_part || part_is_empty {
                 return Ok(Ok(()));
@@ -65,7 +73,9 @@ fn check_attributes<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Re
         let (size, left) = (i64::from(i32::from_le_bytes(size)), file_bytes.saturating_sub(position));
         let Some(bytes) = u64::try_from(size).ok().filter(|&bytes| bytes <= left) else {
             let name = String::from_utf8_lossy(&name).into_owned();
-            return Ok(Err(format!("the attribute {name:?} claims {size} bytes where the file has {left} left")));
+            return Ok(Err(Fault::Damaged(format!(
+                "the attribute {name:?} claims {size} bytes where the file has {left} left"
+            ))));
         };
         let taken = match &kind[..] {
             b"chlist" => {
@@ -100,7 +110,9 @@ fn check_attributes<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Re
         };
         if let Some(taken) = taken.filter(|&taken| taken != bytes) {
             let (name, kind) = (String::from_utf8_lossy(&name), String::from_utf8_lossy(&kind));
-            return Ok(Err(format!("the attribute {name:?} of type {kind} claims {bytes} bytes but has {taken}")));
+            return Ok(Err(Fault::Damaged(format!(
+                "the attribute {name:?} of type {kind} claims {bytes} bytes but has {taken}"
+            ))));
         }
         position += bytes;
     }
@@ -118,16 +130,15 @@ struct Block {
 }
 
 impl Block {
-    fn check(&self) -> Result<(), String> {
+    fn check(&self) -> Result<(), Fault> {
         let Self { pixel_bytes, tile, width, lines } = *self;
         let ([width, height], what) =
-            if tile == [0; 2] { ([width, lines.max(1)], "blocks of lines") } else { (tile, "tiles") };
-        if u64::saturating_mul(width * height, pixel_bytes) <= LARGEST_BLOCK {
+            if tile == [0; 2] { ([width, lines.max(1)], "a block of lines") } else { (tile, "a tile") };
+        let bytes = u64::saturating_mul(width * height, pixel_bytes);
+        if bytes <= LARGEST_BLOCK {
             return Ok(());
         }
-        Err(format!(
-            "it claims {what} of {width}x{height} pixels of {pixel_bytes} bytes; at most {LARGEST_BLOCK} bytes are read at once"
-        ))
+        Err(Fault::TooLarge(format!("{what} of {width}x{height} pixels"), bytes))
     }
 }
 
@@ -198,7 +209,7 @@ fn window_width<R: BufRead + Seek>(input: &mut R, bytes: u64) -> io::Result<u64>
     Ok(u64::try_from(i64::from(high) - i64::from(low) + 1).unwrap_or(0))
 }
 
-fn check_chunks<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Result<Result<(), String>> {
+fn check_chunks<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Result<Result<(), Fault>> {
     let mut position = 8;
     input.seek_relative(8)?;
     loop {
@@ -210,7 +221,9 @@ fn check_chunks<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Result
         let left = file_bytes.saturating_sub(position + 4);
         if u64::from(bytes) > left {
             let name = String::from_utf8_lossy(&name).into_owned();
-            return Ok(Err(format!("the chunk {name:?} claims {bytes} bytes where the file has {left} left")));
+            return Ok(Err(Fault::Damaged(format!(
+                "the chunk {name:?} claims {bytes} bytes where the file has {left} left"
+            ))));
         }
         if &name == b"IEND" {
             return Ok(Ok(()));
@@ -237,9 +250,17 @@ mod tests {
         [name.as_bytes(), b"\0string\0", &size.to_le_bytes(), value].concat()
     }
 
+    fn text(fault: Fault) -> String {
+        match fault {
+            Fault::Damaged(text) => text,
+            Fault::TooLarge(what, bytes) => format!("{what}: {bytes}"),
+        }
+    }
+
     fn result(flags: u32, parts: &[Vec<u8>]) -> Result<(), String> {
         let bytes = [&b"\x76\x2f\x31\x01"[..], &(2 | flags).to_le_bytes(), &parts.concat()].concat();
-        check_attributes(&mut Cursor::new(&bytes), bytes.len() as u64).unwrap_or_else(|error| Err(error.to_string()))
+        check_attributes(&mut Cursor::new(&bytes), bytes.len() as u64)
+            .map_or_else(|error| Err(error.to_string()), |checked| checked.map_err(text))
     }
 
     #[test]
@@ -291,7 +312,7 @@ mod tests {
         for tiles in [tiles(8, 0x0100_0008), tiles(u32::MAX, u32::MAX)] {
             for parts in [[list.clone(), tiles.clone(), end.clone()], [tiles.clone(), list.clone(), end.clone()]] {
                 let text = result(0, &parts).unwrap_err();
-                assert!(text.contains("pixels of 6 bytes"), "{text}");
+                assert!(text.contains("a tile of"), "{text}");
             }
             let second = [list.clone(), end.clone(), list.clone(), tiles, end.clone(), end.clone()];
             assert!(result(MULTI_PART, &second).is_err());
@@ -306,7 +327,7 @@ mod tests {
         assert_eq!((wide(7_631_720, 2), wide(100_000, 9), wide(-5, 9)), (Ok(()), Ok(()), Ok(())));
         assert_eq!(result(0, &[list.clone(), tiles(64, 32), window(7_631_720), end.clone()]), Ok(()), "it has tiles");
         for text in [wide(7_631_720, 3), wide(200_000, 9), wide(i32::MAX, 0)] {
-            assert!(text.as_ref().is_err_and(|text| text.contains("blocks of lines")), "{text:?}");
+            assert!(text.as_ref().is_err_and(|text| text.contains("a block of lines")), "{text:?}");
         }
     }
 
@@ -328,7 +349,8 @@ mod tests {
         };
         let result = |chunks: &[Vec<u8>]| {
             let bytes = [&b"\x89PNG\r\n\x1a\n"[..], &chunks.concat()].concat();
-            check_chunks(&mut Cursor::new(&bytes), bytes.len() as u64).unwrap_or_else(|error| Err(error.to_string()))
+            check_chunks(&mut Cursor::new(&bytes), bytes.len() as u64)
+                .map_or_else(|error| Err(error.to_string()), |checked| checked.map_err(text))
         };
         let (good, end) = (chunk("IDAT", 100, 100), chunk("IEND", 0, 0));
         assert_eq!(result(&[good.clone(), good.clone(), end.clone()]), Ok(()));

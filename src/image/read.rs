@@ -2,7 +2,8 @@
 
 use super::library::{Header, Input};
 use super::pixels::{Encoding, Image};
-use super::{Error, MetaValue, PixelFormat, prescan};
+use super::prescan::{self, Fault};
+use super::{Error, MetaValue, PixelFormat};
 use std::ffi::CStr;
 use std::fs::{self, File};
 use std::io::Read;
@@ -142,7 +143,12 @@ pub(super) fn for_each_band<E>(
 pub(super) fn open(path: &Path) -> Result<(Input, Info), Error> {
     let file_bytes = file_size(path)?;
     let format = sniff(path)?.ok_or_else(|| Error::UnknownFormat { path: path.to_owned() })?;
-    prescan::check(format, path, file_bytes).map_err(Error::library(path, path, "open the image"))?;
+    prescan::check(format, path, file_bytes).map_err(|fault| match fault {
+        Fault::Damaged(message) => Error::library(path, path, "open the image")(message),
+        Fault::TooLarge(what, bytes) => {
+            Error::TooLarge { path: path.to_owned(), what, bytes: bytes.into(), limit: prescan::LARGEST_BLOCK }
+        }
+    })?;
     let mut input = Input::open(format, path).map_err(Error::library(path, path, "open the image"))?;
     let header = input.header;
     let nonsense = || Error::Library {

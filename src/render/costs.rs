@@ -120,7 +120,7 @@ pub fn own_work(effect: EffectName) -> &'static [Work] {
         E::ShadowMaps => &[Work::PlainMaps],
         E::HairShadowsOnHair => &[Work::HairShadowsOnHair],
         E::HairShadowsOnSurfaces => &[Work::HairShadowsOnSurfaces],
-        E::LightReflectedBySurfaces => &[Work::Reflections],
+        E::LightReflectedBySurfaces => &[Work::Reflections, Work::SharedCorners],
         E::MoreThanOneReflection => &[Work::Photons, Work::PhotonLookups],
         E::MirrorsAndGlass => &[Work::SpecularWays],
         E::Caustics => &[Work::CausticPhotons],

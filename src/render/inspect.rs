@@ -98,7 +98,8 @@ pub fn inspect(
 ) -> Result<Inspected, RenderError> {
     with_threads(threads, || {
         let rect = PixelRect { min: pixel, max: pixel.map(|i| i + 1) };
-        let prepared = Prepared::new(scene, &Options { window: Some(rect), threads }, progress)?;
+        let mut prepared = Prepared::new(scene, &Options { window: Some(rect), threads }, progress)?;
+        prepared.begin_sharing();
         open(&prepared, rect, progress)
     })?
 }

@@ -5,11 +5,13 @@
 mod fibres;
 mod indirect;
 mod lamps;
+pub(super) mod shared;
 
 use std::cell::Cell;
 
 use glam::{Mat3, Vec3};
 
+use self::shared::SharedLight;
 use super::RenderError;
 use super::clock::{Clock, Lap, Part};
 use super::costs::{Built, Ledger};
@@ -88,6 +90,8 @@ pub struct Lighting<'s> {
     cosines: Vec<f32>,
     /// How each hair object reflects, and what its time is counted as.
     fibres: Vec<(Box<dyn Fibre>, Part)>,
+    /// Λ̄ that points on hair share, during a pass.
+    shared: Option<SharedLight>,
     /// What the structures took.
     built: Vec<Built>,
 }
@@ -97,8 +101,11 @@ pub struct Lighting<'s> {
 pub struct Workspace {
     far: Vec<f32>,
     gamma: Vec<f32>,
-    hits: Vec<Option<SurfacePoint>>,
+    /// What each face's ray met; nothing at all without surfaces.
+    seen: Vec<Seen>,
     directions: Vec<Vec3>,
+    /// Faces with rays of their own where others share theirs.
+    own: Vec<u32>,
     light: Arriving,
     /// F of each face, of a point on hair.
     reflected: Vec<Vec3>,
@@ -174,6 +181,7 @@ impl<'s> Lighting<'s> {
             hemisphere,
             cosines,
             fibres,
+            shared: None,
             built: ledger.built,
             scene,
         })
@@ -197,17 +205,19 @@ impl<'s> Lighting<'s> {
         let mut lit = Lit { occlusion: 1.0, ..Lit::default() };
         let in_direction = |direction| fibre.reflect(&point, direction);
         if self.gathers_on(object) {
-            self.look(&receiver, &self.sphere, key, space);
+            match &self.shared {
+                Some(shared) if !ABSENT => self.look_shared(shared, &receiver, key, space),
+                _ => self.look(&receiver, &self.sphere, key, space),
+            }
             self.occlude(&receiver, &self.sphere, key, space);
             let mut lap = Lap::start();
             let faces = Faces { centers: &self.centers, solid_angle: self.sphere.face_solid_angle() };
             fibre.reflect_faces(&point, &faces, &mut space.reflected);
             lap.ends(*part, &mut space.clock);
             let means = self.light.means();
-            let Workspace { reflected, hits, directions, gamma, clock, light, specular, .. } = space;
-            let met = Met { hits, directions };
+            let Workspace { reflected, seen, gamma, clock, light, specular, .. } = space;
             let count = (clock, specular);
-            self.sum_faces(&self.sphere, means, key, met, gamma, light, count, |face| reflected[face], &mut lit);
+            self.sum_faces(&self.sphere, means, key, seen, gamma, light, count, |face| reflected[face], &mut lit);
             self.area(&receiver, key, space, |_| receiver.position, in_direction, &mut lit);
         }
         self.direct(&Point::on_hair(sample), space, |_| sample.position, in_direction, &mut lit);
@@ -237,9 +247,8 @@ impl<'s> Lighting<'s> {
             }
             lap.ends(Part::Faces, &mut space.clock);
             let reflect = |face: usize| lambert.evaluate(self.cosines[face]);
-            let Workspace { means, hits, directions, gamma, clock, light, specular, .. } = space;
-            let met = Met { hits, directions };
-            self.sum_faces(&self.hemisphere, means, key, met, gamma, light, (clock, specular), reflect, &mut lit);
+            let Workspace { means, seen, gamma, clock, light, specular, .. } = space;
+            self.sum_faces(&self.hemisphere, means, key, seen, gamma, light, (clock, specular), reflect, &mut lit);
             self.area(&receiver, key, space, |way| origin(point, way), |way| cosine(point, way), &mut lit);
             if self.effects.caustics {
                 // Hair has taken its part of these photons on their way.
@@ -342,22 +351,25 @@ impl<'s> Lighting<'s> {
         let mut lap = Lap::start();
         space.far.clear();
         space.far.resize(igloo.len(), f32::INFINITY);
-        space.hits.clear();
+        space.seen.clear();
         if !ABSENT && self.effects.surfaces {
             space.directions.clear();
-            space.directions.extend((0..igloo.len()).map(|face| {
-                let jitter = |axis| to_unit(hash(&[FACE, key, face as u32, axis]));
-                receiver.frame * igloo.direction(face, jitter(0), jitter(1))
-            }));
-            let Workspace { far, hits, directions, .. } = space;
+            space.directions.extend((0..igloo.len()).map(|face| Self::jittered(receiver, igloo, face, key)));
+            let Workspace { far, seen, directions, .. } = space;
             self.light.nearest(receiver.position, directions, |face, hit| {
                 if let Some(hit) = &hit {
                     far[face] = hit.distance;
                 }
-                hits.push(hit);
+                seen.push(hit.map_or(Seen::Sky, |hit| Seen::Surface(hit, directions[face])));
             });
         }
         lap.ends(Part::Gather, &mut space.clock);
+    }
+
+    /// A direction in a face, drawn evenly.
+    fn jittered(receiver: &Receiver, igloo: &Igloo, face: usize, key: u32) -> Vec3 {
+        let jitter = |axis| to_unit(hash(&[FACE, key, face as u32, axis]));
+        receiver.frame * igloo.direction(face, jitter(0), jitter(1))
     }
 
     /// Γ̄ of each face.
@@ -376,7 +388,7 @@ impl<'s> Lighting<'s> {
         igloo: &Igloo,
         means: &[Vec3],
         key: u32,
-        met: Met<'_>,
+        seen: &[Seen],
         gamma: &[f32],
         light: &mut Arriving,
         (clock, specular): (&mut Clock, &mut Reflections),
@@ -386,17 +398,17 @@ impl<'s> Lighting<'s> {
         let mut lap = Lap::start();
         let solid_angle = igloo.face_solid_angle();
         let free = |face: usize| reflect(face) * solid_angle;
-        let Met { hits, .. } = met;
         let Arriving { radiance, counts } = light;
         radiance.clear();
         counts.clear();
-        if !hits.is_empty() {
-            let beyond = |(mean, hit): (&Vec3, &Option<SurfacePoint>)| if hit.is_some() { Vec3::ZERO } else { *mean };
-            radiance.extend(means.iter().zip(hits).map(beyond));
-        }
+        radiance.extend(means.iter().zip(seen).map(|(mean, seen)| match seen {
+            Seen::Sky => *mean,
+            Seen::Surface(..) => Vec3::ZERO,
+            Seen::Lit(radiance) => *radiance,
+        }));
         if !ABSENT && self.effects.reflection {
             lap.ends(Part::Faces, clock);
-            self.light_surfaces(free, key, met, gamma, light, specular);
+            self.light_surfaces(free, key, seen, gamma, light, specular);
             lap.ends(Part::Reflection, clock);
         }
         if self.effects.environment {
@@ -404,7 +416,7 @@ impl<'s> Lighting<'s> {
         }
         if self.effects.environment || self.effects.reflection {
             let Arriving { radiance, counts } = light;
-            let radiance = if hits.is_empty() { means } else { radiance };
+            let radiance = if seen.is_empty() { means } else { radiance };
             let sum = if !ABSENT && self.effects.unoccluded_layer {
                 faces::sum::<true>(free, gamma, radiance, counts)
             } else {
@@ -493,11 +505,15 @@ impl<'s> Lighting<'s> {
     }
 }
 
-/// What the rays of a point's faces met, and their directions; both empty without surfaces.
-#[derive(Clone, Copy)]
-struct Met<'a> {
-    hits: &'a [Option<SurfacePoint>],
-    directions: &'a [Vec3],
+/// What the ray of a face met.
+#[derive(Clone, Copy, Debug)]
+enum Seen {
+    /// No surface.
+    Sky,
+    /// A surface, and the ray's direction.
+    Surface(SurfacePoint, Vec3),
+    /// A surface that neighbouring points have lit already: the radiance that it sends.
+    Lit(Vec3),
 }
 
 /// Γ̄ of each face of a point's igloo.

@@ -10,6 +10,7 @@ use serde::Serialize;
 use thiserror::Error;
 
 use super::film::Pixel;
+use super::lighting::shared::SharedLight;
 use super::output;
 use crate::fragment::PixelRect;
 use crate::hair::formats::{Extent, extent};
@@ -275,6 +276,13 @@ impl Counts {
             let photons = u64::from(description.indirect.photons);
             let kept = (PHOTON_ARRIVALS * photons).min(photon::MOST as u64);
             sum.add(format!("the map of {photons} photons"), PHOTON * kept);
+        }
+        let [width, height] = description.camera.resolution.map(f64::from);
+        let shares =
+            points > 0 && description.indirect.sharing > 0.0 && description.indirect.mode != IndirectMode::None;
+        if shares && !self.surfaces.is_empty() {
+            let bytes = SharedLight::bytes_for(width * height, 2 * description.occlusion.face_count());
+            sum.add("light that points on hair share", bytes);
         }
         let specular = |surface: &Surface| surface.visible && surface.material != SurfaceMaterial::Diffuse;
         if description.surface.iter().any(specular) && description.indirect.mode != IndirectMode::None {

@@ -166,6 +166,11 @@ impl<'s> Prepared<'s> {
         (&self.lighting, &self.bins)
     }
 
+    /// Begins to share light between points as a pass with the picture's own seed would.
+    pub(super) fn begin_sharing(&mut self) {
+        self.lighting.begin_sharing(self.lighting.scene().description().sampling.seed);
+    }
+
     /// The pixels that are rendered.
     pub fn window(&self) -> PixelRect {
         self.grid.rect()
@@ -183,6 +188,7 @@ impl<'s> Prepared<'s> {
     pub fn pass(&mut self, seed: u32, progress: &dyn Progress) -> Result<Film, RenderError> {
         let watch = Watch::start();
         progress.stage("rendering", self.grid.count() as u64);
+        self.lighting.begin_sharing(seed);
         let frame = Frame { seed, ..Frame::new(&self.lighting) };
         let mut film = Film::new(self.grid.rect(), self.full_size);
         let tiles: Vec<_> = (0..self.grid.count())
@@ -195,6 +201,7 @@ impl<'s> Prepared<'s> {
                 tile
             })
             .collect();
+        self.lighting.end_sharing();
         let (mut clock, mut specular) = (Clock::default(), Reflections::default());
         self.marked.clear();
         for (index, tile) in tiles.into_iter().enumerate() {
@@ -262,7 +269,7 @@ impl<'s> Prepared<'s> {
         Selection { at: at.to_vec(), segments }
     }
 
-    /// Renders single pixels, each as [`Self::pass`] with this seed would.
+    /// Renders single pixels, each as [`Self::pass`] with this seed would if points shared no light.
     ///
     /// # Errors
     /// Cancelled work.

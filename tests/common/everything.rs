@@ -47,6 +47,7 @@ accuracy = 0.1
 photons = 20000
 caustic_photons = 5000
 neighbours = 16
+sharing = 2
 [output]
 layers = ["beauty", "alpha", "direct", "environment", "environment-unoccluded", "occlusion", "depth", "normal", "tangent"]
 "#

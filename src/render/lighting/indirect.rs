@@ -2,7 +2,7 @@
 
 use glam::{Mat3, Vec3};
 
-use super::{Lighting, MET, Met};
+use super::{Lighting, MET, Seen};
 use crate::hash::hash;
 use crate::illumination::{Caustics, PhotonMap};
 use crate::render::RenderError;
@@ -21,7 +21,7 @@ impl Lighting<'_> {
         &self,
         free: impl Fn(usize) -> Vec3,
         key: u32,
-        met: Met<'_>,
+        seen: &[Seen],
         gamma: &[f32],
         light: &mut Arriving,
         specular: &mut Reflections,
@@ -29,14 +29,14 @@ impl Lighting<'_> {
         let roulette = Roulette::new(key, &free, gamma);
         light.counts.resize(gamma.len(), [1.0; 2]);
         let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
-        for (face, hit) in met.hits.iter().enumerate() {
-            let Some(hit) = hit else { continue };
+        for (face, seen) in seen.iter().enumerate() {
+            let Seen::Surface(hit, direction) = seen else { continue };
             let [occluded, unoccluded] = roulette.counts(face, free(face), gamma[face]);
             light.counts[face] = [occluded, unoccluded];
             if occluded != 0.0 || self.effects.unoccluded_layer && unoccluded != 0.0 {
                 let key = hash(&[MET, key, face as u32]);
                 let sent = if hit.optics.is_some() {
-                    let seen = self.light.seen_in(hit, met.directions[face], self.specular_depth, key, &hair);
+                    let seen = self.light.seen_in(hit, *direction, self.specular_depth, key, &hair);
                     let weight = f64::from((free(face) * gamma[face] * occluded).element_sum());
                     specular.add(&Reflections { rays: weight, cut: weight * f64::from(seen.cut) });
                     seen.radiance

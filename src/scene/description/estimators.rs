@@ -153,6 +153,9 @@ pub struct Indirect {
     /// Photons of an estimate: more make it smoother and less sharp.
     #[schemars(range(min = 8, max = 1000))]
     pub neighbours: u32,
+    /// How far, in widths of an igloo's face, a surface that points on hair see by a shared ray may be from where a ray of their own would have met it; 0: each point has its own rays. Sharing makes large pictures faster and smoother.
+    #[schemars(range(min = 0.0, max = 4.0))]
+    pub sharing: f64,
 }
 
 impl Default for Indirect {
@@ -164,6 +167,7 @@ impl Default for Indirect {
             caustic_photons: 200_000,
             specular_depth: 16,
             neighbours: 64,
+            sharing: 0.0,
         }
     }
 }

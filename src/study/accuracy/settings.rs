@@ -206,6 +206,13 @@ pub const SWEPT: &[Swept] = &[
         idle: no_photons,
     },
     Swept {
+        key: "indirect.sharing",
+        name: "light shared between points",
+        values: Values::Given(&["0", "0.5", "1", "2"]),
+        with: &[],
+        idle: |facts| unless(facts.effects.reflection && facts.effects.hair, "no surface reflects light on hair"),
+    },
+    Swept {
         key: "sampling.passes",
         name: "passes",
         values: Values::Given(&["2", "4"]),
@@ -266,6 +273,9 @@ pub fn reference(facts: &Facts, [faces, layers, photons]: [u32; 3]) -> Vec<Strin
     }
     if facts.effects.surfaces {
         set.push("sampling.surface_samples=64".to_owned());
+    }
+    if facts.effects.reflection {
+        set.push("indirect.sharing=0".to_owned());
     }
     if no_photons(facts).is_none() {
         set.push(format!("indirect.photons={photons}"));

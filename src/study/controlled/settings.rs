@@ -20,7 +20,7 @@ const CAMERA_RAY: f64 = 50.0;
 const SHADOW: f64 = 40.0;
 const FACE: f64 = 3.0;
 
-/// The settings of a place of the knob. Hair occlusion by the estimator that takes less, unless the scene has it off.
+/// The settings of a place of the knob. Points share no light: pixels rendered alone must tell what the picture errs by. Hair occlusion by the estimator that takes less, unless the scene has it off.
 pub fn set(description: &mut Description, values: &[&str; 5]) {
     let number = |index: usize| values[index].parse::<f64>().unwrap_or(1.0);
     let occlusion = &mut description.occlusion;
@@ -36,6 +36,7 @@ pub fn set(description: &mut Description, values: &[&str; 5]) {
     description.sampling.layer_choice = LayerChoice::Drawn;
     description.sampling.area_light_samples = number(3) as u32;
     description.sampling.surface_samples = number(4) as u32;
+    description.indirect.sharing = 0.0;
 }
 
 /// The settings of the reference: what they err by falls with the number of rounds, but for the faces.
@@ -53,6 +54,7 @@ pub fn set_truth(description: &mut Description, error: Option<f64>) {
     description.sampling.layer_choice = LayerChoice::Drawn;
     description.sampling.area_light_samples = 64;
     description.sampling.surface_samples = 64;
+    description.indirect.sharing = 0.0;
 }
 
 /// Work of pixels, in lanes: counted, so that it is the same in every run.
