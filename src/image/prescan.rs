@@ -185,28 +185,26 @@ fn channel_list_bytes(input: &mut impl BufRead, bytes: u64) -> io::Result<(u64, 
     Ok((taken, of_pixel))
 }
 
+/// The first words of 32 bits of the next `bytes`, all of which are passed.
+fn read_words<const N: usize, R: BufRead + Seek>(input: &mut R, bytes: u64) -> io::Result<[[u8; 4]; N]> {
+    let mut words = [[0; 4]; N];
+    let read = words.as_flattened_mut();
+    let Some(rest) = bytes.checked_sub(read.len() as u64) else { return Err(io::ErrorKind::UnexpectedEof.into()) };
+    input.read_exact(read)?;
+    input.seek_relative(rest as i64)?;
+    Ok(words)
+}
+
 /// Width and height at the start of the next `bytes`, all of which are passed.
 fn read_size<R: BufRead + Seek>(input: &mut R, bytes: u64) -> io::Result<[u64; 2]> {
-    let mut size = [0; 8];
-    if bytes < 8 {
-        return Err(io::ErrorKind::UnexpectedEof.into());
-    }
-    input.read_exact(&mut size)?;
-    input.seek_relative(bytes as i64 - 8)?;
-    Ok([0, 4].map(|at| u64::from(u32::from_le_bytes([size[at], size[at + 1], size[at + 2], size[at + 3]]))))
+    Ok(read_words(input, bytes)?.map(|word| u32::from_le_bytes(word).into()))
 }
 
 /// Width of a window in the next `bytes`, all of which are passed: the least x and y and the largest, both inside.
 fn window_width<R: BufRead + Seek>(input: &mut R, bytes: u64) -> io::Result<u64> {
-    let mut window = [0; 12];
-    if bytes < 16 {
-        return Err(io::ErrorKind::UnexpectedEof.into());
-    }
-    input.read_exact(&mut window)?;
-    input.seek_relative(bytes as i64 - 12)?;
-    let [low, high] = [0, 8].map(|at| i32::from_le_bytes([window[at], window[at + 1], window[at + 2], window[at + 3]]));
+    let [low, _, high, _] = read_words(input, bytes)?.map(|word| i64::from(i32::from_le_bytes(word)));
     // A window without pixels is the library's to refuse.
-    Ok(u64::try_from(i64::from(high) - i64::from(low) + 1).unwrap_or(0))
+    Ok(u64::try_from(high - low + 1).unwrap_or(0))
 }
 
 fn check_chunks<R: BufRead + Seek>(input: &mut R, file_bytes: u64) -> io::Result<Result<(), Fault>> {

@@ -11,7 +11,7 @@ use std::sync::OnceLock;
 use glam::Vec3;
 
 use super::{FACE, Lap, Lighting, Part, Seen, Workspace};
-use crate::effects::ABSENT;
+use crate::effects::{ABSENT, Effects};
 use crate::hair::strands::bounds;
 use crate::hash::{hash, to_unit};
 use crate::occlusion::{Igloo, Receiver};
@@ -112,7 +112,9 @@ impl Lighting<'_> {
     /// Begins to share Λ̄ for a pass with this seed, where the scene asks for it and surfaces reflect light on hair.
     pub(in crate::render) fn begin_sharing(&mut self, seed: u32) {
         let sharing = self.scene.description().indirect.sharing as f32;
-        if ABSENT || sharing == 0.0 || !self.called_for.reflection || !self.called_for.surfaces {
+        let Effects { reflection, surfaces, .. } = self.called_for;
+        let gathers = self.scene.hair_objects.iter().any(|object| object.gather);
+        if ABSENT || sharing == 0.0 || !(reflection && surfaces && gathers) {
             return;
         }
         let Some(bounds) = bounds(&self.scene.hair.points) else { return };
@@ -155,11 +157,12 @@ impl Lighting<'_> {
         let place = shared.position(corner);
         let way = place - receiver.position;
         let distance = way.length();
-        if distance > 0.0 && !self.light.sees(receiver.position, way / distance, distance) {
+        let hidden = distance > 0.0 && !self.light.sees(receiver.position, way / distance, distance);
+        lap.ends(Part::Gather, &mut space.clock);
+        if hidden {
             return self.look(receiver, &self.sphere, key, space);
         }
         let index = shared.index(corner);
-        lap.ends(Part::Gather, &mut space.clock);
         let rays = shared.corners[index].get_or_init(|| self.rays_of(shared, index, place));
         lap.ends(Part::Reflection, &mut space.clock);
         let Workspace { far, seen, directions, own, .. } = space;
