@@ -20,7 +20,7 @@ pub enum Error {
     #[error("{}: cannot {action}: {message}", path.display())]
     Library { path: PathBuf, action: &'static str, message: String },
     /// More memory than [`super::Limits`] allow.
-    #[error("{}: {what} of {bytes} bytes, more than the limit of {limit}; make it smaller or raise the limit", path.display())]
+    #[error("{}: {what} of {bytes} bytes, more than the limit of {limit}; make it smaller, or replace the file if its header is damaged", path.display())]
     TooLarge { path: PathBuf, what: String, bytes: u128, limit: u64 },
     /// A header that promises more than any compression could hold in the file.
     #[error(
