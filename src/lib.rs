@@ -14,6 +14,7 @@ pub mod occlusion;
 pub mod render;
 pub mod scene;
 pub mod selftest;
+pub mod sequence;
 pub mod shading;
 pub mod shadow;
 pub mod study;

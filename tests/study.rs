@@ -10,7 +10,7 @@ use std::time::Duration;
 use program::{interrupt, start, tress};
 use tress::image;
 use tress::render::progress::Unwatched;
-use tress::render::{self, Film, Mean, Options, Prepared, pass_seed};
+use tress::render::{self, Film, Mean, Options, Pass, Prepared};
 use tress::study::controlled::{Goal, render_to};
 
 const SCENE: &str = r#"
@@ -145,7 +145,7 @@ fn the_standard_error_is_the_spread_of_means() {
         .map(|n| {
             let mut scene = common::load(SCENE, &settings);
             let mut prepared = Prepared::new(&mut scene, &Options::default(), &Unwatched).expect("a scene");
-            let mut pass = |i| prepared.pass(pass_seed(n, i), &Unwatched).expect("a pass");
+            let mut pass = |i| prepared.pass(Pass::of(n, i), &Unwatched).expect("a pass");
             let mut mean = Mean::new(pass(0));
             (1..8).for_each(|i| mean.add(&pass(i)));
             mean.film()
@@ -237,7 +237,7 @@ fn reference(path: &Path, seed: u32) -> Film {
     }
     let mut scene = small(path, &fine);
     let mut prepared = Prepared::new(&mut scene, &Options::default(), &Unwatched).expect("a scene");
-    let mut pass = |n| prepared.pass(pass_seed(seed, n), &Unwatched).expect("a pass");
+    let mut pass = |n| prepared.pass(Pass::of(seed, n), &Unwatched).expect("a pass");
     let mut mean = Mean::new(pass(0));
     mean.add(&pass(1));
     mean.film()

@@ -194,6 +194,7 @@ mod tests {
     use crate::fragment::hair::{HairSegment, PixelRect, scan_convert};
     use crate::fragment::surface::{SurfaceHit, SurfacePixel};
     use crate::hash::{hash, to_unit};
+    use crate::sequence::Sequence;
     use glam::{DVec2, DVec3, Vec3};
     use proptest::prelude::*;
 
@@ -367,7 +368,7 @@ mod tests {
         let camera = Camera::new(DVec3::Z, DVec3::ZERO, DVec3::Y, 90.0, [4, 4], 0.1).unwrap();
         let mut surfaces = SurfacePixel::default();
         // A wall at depth 1 that ends in the middle of pixel (2, 2), where x is 0.25.
-        surfaces.gather(&camera, [2, 2], 8, 0, |origin, direction| {
+        surfaces.gather(&camera, [2, 2], 8, Sequence::start(0), |origin, direction| {
             let position = origin - direction * (origin.z / direction.z);
             let hit = SurfaceHit { depth: 1.0, group: 3, index: 0, position, normal: Vec3::Z };
             (position.x < 0.25).then_some(hit)

@@ -1,7 +1,8 @@
 //! Opaque surfaces in a pixel: sub-pixel samples, and the few points of them that are shaded.
 
 use crate::camera::Camera;
-use crate::hash::{hash, to_unit};
+use crate::hash::hash;
+use crate::sequence::Sequence;
 use glam::{DVec3, Vec3};
 
 /// The group of a sample that meets no surface.
@@ -70,13 +71,13 @@ pub struct SurfacePixel {
 
 impl SurfacePixel {
     /// Samples a pixel at `per_side` x `per_side` jittered positions, 1 to 1024 a side. `hit` gets origin and unit direction of a ray and gives the first surface
-    /// at or behind the near plane, if there is one. Positions depend on pixel, sample and seed only.
+    /// at or behind the near plane, if there is one. Positions depend on pixel, sample and sequence only.
     pub fn gather(
         &mut self,
         camera: &Camera,
         pixel: [u32; 2],
         per_side: u32,
-        seed: u32,
+        sequence: Sequence,
         mut hit: impl FnMut(Vec3, Vec3) -> Option<SurfaceHit>,
     ) {
         self.samples.clear();
@@ -86,11 +87,10 @@ impl SurfacePixel {
         let cell = 1.0 / f64::from(per_side);
         for sample in 0..per_side * per_side {
             let place = [sample % per_side, sample / per_side];
-            let position = [0u32, 1].map(|axis| {
-                let jitter = to_unit(hash(&[PURPOSE, seed, pixel[0], pixel[1], sample, axis]));
-                let axis = axis as usize;
-                f64::from(pixel[axis]) + (f64::from(place[axis]) + f64::from(jitter)) * cell
-            });
+            let key = |axis| hash(&[PURPOSE, sequence.seed, pixel[0], pixel[1], sample, axis]);
+            let jitter = sequence.pair([key(0), key(1)]);
+            let position =
+                [0, 1].map(|axis| f64::from(pixel[axis]) + (f64::from(place[axis]) + f64::from(jitter[axis])) * cell);
             let (origin, direction) = camera.ray(position[0], position[1]);
             let found = hit(origin, direction);
             self.add(found);
@@ -150,7 +150,7 @@ mod tests {
         let camera = camera();
         let mut pixel = SurfacePixel::default();
         let mut seen = Vec::new();
-        pixel.gather(&camera, [11, 7], 5, 3, |origin, direction| {
+        pixel.gather(&camera, [11, 7], 5, Sequence::start(3), |origin, direction| {
             seen.push(camera.project(camera.to_camera(origin + direction)).unwrap());
             None
         });
@@ -165,7 +165,7 @@ mod tests {
         let first = seen.clone();
         seen.clear();
         let mut record = |seed| {
-            pixel.gather(&camera, [11, 7], 5, seed, |origin, direction| {
+            pixel.gather(&camera, [11, 7], 5, Sequence::start(seed), |origin, direction| {
                 seen.push(camera.project(camera.to_camera(origin + direction)).unwrap());
                 None
             });
@@ -204,7 +204,7 @@ mod tests {
         let camera = camera();
         let mut pixel = SurfacePixel::default();
         for y in 24..48 {
-            pixel.gather(&camera, [20, y], 4, 0, |origin, direction| {
+            pixel.gather(&camera, [20, y], 4, Sequence::start(0), |origin, direction| {
                 let distance = -origin.y / direction.y;
                 let position = origin + distance * direction;
                 (direction.y < 0.0).then(|| hit(0, camera.to_camera(position).z, Vec3::Y, position))

@@ -14,6 +14,7 @@ use super::photon::{self, Aimed, Emitter, HotSpots};
 use super::{Caustics, Environment, Lamp, PhotonMap, RectLight, lights::Incident, sources};
 use crate::hash::{hash, to_unit, unit};
 use crate::igloo::{Igloo, Span};
+use crate::sequence::Sequence;
 use crate::surface::{SurfacePoint, Surfaces};
 use crate::tally::{self, Work};
 
@@ -106,13 +107,14 @@ impl Illumination {
 
     /// Light from the area lights at a point: `per_side`² stratified samples each, whether or not surfaces are in the way.
     ///
-    /// Each `Incident::irradiance` is its share; `key` names the random numbers.
-    pub fn area_light(&self, position: Vec3, per_side: u32, key: u32, mut take: impl FnMut(&Incident)) {
+    /// Each `Incident::irradiance` is its share; the random numbers are a sequence's.
+    pub fn area_light(&self, position: Vec3, per_side: u32, sequence: Sequence, mut take: impl FnMut(&Incident)) {
         for (index, light) in self.area.iter().enumerate() {
-            let jitter = |sample: u32, axis: u32| to_unit(hash(&[AREA, key, index as u32, sample, axis]));
             for sample in 0..per_side * per_side {
-                let u = ((sample % per_side) as f32 + jitter(sample, 0)) / per_side as f32;
-                let v = ((sample / per_side) as f32 + jitter(sample, 1)) / per_side as f32;
+                let key = |axis| hash(&[AREA, sequence.seed, index as u32, sample, axis]);
+                let [x, y] = sequence.pair([key(0), key(1)]);
+                let u = ((sample % per_side) as f32 + x) / per_side as f32;
+                let v = ((sample / per_side) as f32 + y) / per_side as f32;
                 let Some((mut incident, _)) = light.sample(position, u, v) else { continue };
                 incident.irradiance /= (per_side * per_side) as f32;
                 take(&incident);
@@ -269,7 +271,7 @@ impl Illumination {
         for lamp in &self.direct {
             lamp.light.incident(origin).iter().for_each(|incident| add(incident, lamp.blocked));
         }
-        self.area_light(origin, 1, key, |incident| add(incident, true));
+        self.area_light(origin, 1, Sequence::start(key), |incident| add(incident, true));
         self.one_source(point.normal, key).iter().for_each(|incident| add(incident, true));
         irradiance += self.sky_sample(point, origin, key, hair);
         // The photons of reflected light are of caustics, too.

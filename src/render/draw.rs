@@ -73,7 +73,7 @@ pub fn draw(
 pub(super) fn some_tiles(frame: &Frame<'_>, grid: &TileGrid, bins: &Bins, count: usize) -> Vec<usize> {
     let (mut hair, mut bare): (Vec<usize>, Vec<usize>) =
         (0..grid.count()).partition(|&index| !bins.tile(index).is_empty());
-    let rank = |index: &usize| (hash64(&[TILES, frame.seed, *index as u32]), *index);
+    let rank = |index: &usize| (hash64(&[TILES, frame.pass.seed, *index as u32]), *index);
     hair.sort_unstable_by_key(rank);
     bare.sort_unstable_by_key(rank);
     bare.truncate((count / 4).max(count.saturating_sub(hair.len())));
@@ -133,8 +133,8 @@ fn offer(frame: &Frame<'_>, rect: &PixelRect, segments: &[u32], space: &mut Tile
             What::Surface(hit) => (1, Place::Surface { triangle: hit.triangle }, on_surface(hit)),
         };
         let place_in_picture @ [x, y] = point.place(rect);
-        let rank = (hash64(&[DRAW, frame.seed, x, y, index]), [y, x, index]);
-        let key = frame.key(rect, point);
+        let rank = (hash64(&[DRAW, frame.pass.seed, x, y, index]), [y, x, index]);
+        let key = frame.key(rect, point).own;
         lowest[kind].offer(Candidate { rank, point: ShadingPoint { pixel: place_in_picture, place, receiver, key } });
     }
 }

@@ -150,7 +150,7 @@ fn fragments(frame: &Frame<'_>, space: &TileSpace) -> Vec<Fragment> {
 }
 
 fn shading(frame: &Frame<'_>, rect: &PixelRect, point: &Point, sample: u32, space: &mut TileSpace) -> Shading {
-    let key = frame.key(rect, point);
+    let key = frame.key(rect, point).own;
     let lit = frame.light(rect, point, &mut space.workspace);
     let (receiver, asked) = match &point.what {
         What::Hair { sample, .. } => (on_hair(sample), frame.lighting.gathers_on(frame.object(sample))),

@@ -5,7 +5,8 @@
 //! a chance in proportion to u_i. That sample's light times mean(u) / u_i has the pixel's mean, and no noise but that of the shadow's edge.
 
 use crate::fragment::{NO_SURFACE, SurfaceSample};
-use crate::hash::unit;
+use crate::hash::hash64;
+use crate::sequence::Sequence;
 use crate::surface::SurfacePoint;
 
 /// Purpose of random numbers.
@@ -45,10 +46,15 @@ impl FromLamps {
     }
 
     /// The numbers, among the samples that met something, of the sample of a group that is lit by all else, and of the one that lamps light with what it
-    /// counts; none of the latter where no lamp shines. `key` names the random numbers.
-    pub fn draw(&self, samples: &[SurfaceSample], group: usize, key: [u32; 3]) -> (usize, Option<(usize, f32)>) {
-        let [seed, x, y] = key;
-        let number = |axis| unit(&[SAMPLE, seed, x, y, group as u32, axis]);
+    /// counts; none of the latter where no lamp shines. The random numbers are a sequence's in a pixel.
+    pub fn draw(
+        &self,
+        samples: &[SurfaceSample],
+        group: usize,
+        sequence: Sequence,
+        [x, y]: [u32; 2],
+    ) -> (usize, Option<(usize, f32)>) {
+        let number = |axis| sequence.number(hash64(&[SAMPLE, sequence.seed, x, y, group as u32, axis]));
         let all = of_group(samples, group).count();
         let place = ((number(0) * all as f64) as usize).min(all.saturating_sub(1));
         let gathers = of_group(samples, group).nth(place).unwrap_or(0);
@@ -94,7 +100,7 @@ mod tests {
         let (mut sum, mut gathered) = (0.0, [0; 7]);
         let draws = 40_000;
         for seed in 0..draws {
-            let (gathers, lit) = lamps.draw(&samples, 1, [seed, 3, 4]);
+            let (gathers, lit) = lamps.draw(&samples, 1, Sequence::start(seed), [3, 4]);
             gathered[gathers] += 1;
             let (at, counts) = lit.unwrap();
             sum += f64::from(lamps.0[at] * counts) * seen[at];
@@ -109,10 +115,10 @@ mod tests {
     fn dark_and_even_groups_are_told_apart() {
         let samples = [sample(0); 4];
         let dark = FromLamps(vec![0.0; 4]);
-        assert!(dark.draw(&samples, 0, [1, 2, 3]).1.is_none() && !dark.uneven(&samples, 1));
+        assert!(dark.draw(&samples, 0, Sequence::start(1), [2, 3]).1.is_none() && !dark.uneven(&samples, 1));
         assert!(!FromLamps(vec![1.0, 1.1, 0.9, 1.0]).uneven(&samples, 1));
         assert!(FromLamps(vec![1.0, 2.0, 0.5, 1.0]).uneven(&samples, 1));
         let endless = FromLamps(vec![f32::INFINITY; 4]);
-        assert!(endless.draw(&samples, 0, [1, 2, 3]).1.is_none());
+        assert!(endless.draw(&samples, 0, Sequence::start(1), [2, 3]).1.is_none());
     }
 }

@@ -18,18 +18,20 @@ use super::costs::{Built, Ledger};
 use super::estimator::{self, Estimator};
 use super::faces::{self, Arriving};
 use super::lamp_lit::LampLit;
+use super::pass::PointKey;
 use super::progress::Progress;
 use super::reflections::Reflections;
 use super::shadows::{HairShadow, HairShadows, Made};
 use crate::effects::{ABSENT, Effects};
 use crate::embree::Device;
 use crate::hair::{OnStrand, StrandSample};
-use crate::hash::{hash, to_unit};
+use crate::hash::hash;
 use crate::illumination::lights::Incident;
 use crate::illumination::{Environment, Illumination};
 use crate::occlusion::{Crossings, HairRays, Igloo, Receiver, Span, frame_around, raytraced};
 use crate::scene::description::EffectName;
 use crate::scene::{HairObject, Scene};
+use crate::sequence::Sequence;
 use crate::shading::{Faces, Fibre, Lambert, StrandPoint};
 use crate::shadow::Point;
 use crate::surface::SurfacePoint;
@@ -198,7 +200,7 @@ impl<'s> Lighting<'s> {
     }
 
     /// Light from a point on hair towards the unit direction `view`. `key` names its random numbers.
-    pub fn hair(&self, sample: &StrandSample, object: u16, view: Vec3, key: u32, space: &mut Workspace) -> Lit {
+    pub fn hair(&self, sample: &StrandSample, object: u16, view: Vec3, key: PointKey, space: &mut Workspace) -> Lit {
         let (fibre, part) = &self.fibres[usize::from(object)];
         let point = StrandPoint { tangent: sample.tangent, view, color: sample.color };
         let receiver = on_hair(sample);
@@ -207,9 +209,9 @@ impl<'s> Lighting<'s> {
         if self.gathers_on(object) {
             match &self.shared {
                 Some(shared) if !ABSENT => self.look_shared(shared, &receiver, key, space),
-                _ => self.look(&receiver, &self.sphere, key, space),
+                _ => self.look(&receiver, &self.sphere, key.sequence, space),
             }
-            self.occlude(&receiver, &self.sphere, key, space);
+            self.occlude(&receiver, &self.sphere, key.own, space);
             let mut lap = Lap::start();
             let faces = Faces { centers: &self.centers, solid_angle: self.sphere.face_solid_angle() };
             fibre.reflect_faces(&point, &faces, &mut space.reflected);
@@ -217,7 +219,7 @@ impl<'s> Lighting<'s> {
             let means = self.light.means();
             let Workspace { reflected, seen, gamma, clock, light, specular, .. } = space;
             let count = (clock, specular);
-            self.sum_faces(&self.sphere, means, key, seen, gamma, light, count, |face| reflected[face], &mut lit);
+            self.sum_faces(&self.sphere, means, key.own, seen, gamma, light, count, |face| reflected[face], &mut lit);
             self.area(&receiver, key, space, |_| receiver.position, in_direction, &mut lit);
         }
         self.direct(&Point::on_hair(sample), space, |_| sample.position, in_direction, &mut lit);
@@ -225,7 +227,13 @@ impl<'s> Lighting<'s> {
     }
 
     /// Light from a point on a surface; that of lamps from the place `lamp_lit`, if there is one. `key` names its random numbers.
-    pub fn surface(&self, point: &SurfacePoint, lamp_lit: Option<&LampLit>, key: u32, space: &mut Workspace) -> Lit {
+    pub fn surface(
+        &self,
+        point: &SurfacePoint,
+        lamp_lit: Option<&LampLit>,
+        key: PointKey,
+        space: &mut Workspace,
+    ) -> Lit {
         let lambert = Lambert { albedo: point.albedo };
         let receiver = on_surface(point);
         let mut lit = Lit { emission: point.emission, occlusion: 1.0, ..Lit::default() };
@@ -237,8 +245,8 @@ impl<'s> Lighting<'s> {
         let origin =
             |at: &SurfacePoint, toward| surfaces.map_or(at.leaving(), |surfaces| surfaces.toward_light(at, toward));
         if self.arrives() {
-            self.look(&receiver, &self.hemisphere, key, space);
-            self.occlude(&receiver, &self.hemisphere, key, space);
+            self.look(&receiver, &self.hemisphere, key.sequence, space);
+            self.occlude(&receiver, &self.hemisphere, key.own, space);
             let mut lap = Lap::start();
             // Neighbouring points on a plane share their normal.
             if space.means.len() != self.hemisphere.len() || space.means_normal != point.normal {
@@ -248,7 +256,7 @@ impl<'s> Lighting<'s> {
             lap.ends(Part::Faces, &mut space.clock);
             let reflect = |face: usize| lambert.evaluate(self.cosines[face]);
             let Workspace { means, seen, gamma, clock, light, specular, .. } = space;
-            self.sum_faces(&self.hemisphere, means, key, seen, gamma, light, (clock, specular), reflect, &mut lit);
+            self.sum_faces(&self.hemisphere, means, key.own, seen, gamma, light, (clock, specular), reflect, &mut lit);
             self.area(&receiver, key, space, |way| origin(point, way), |way| cosine(point, way), &mut lit);
             if self.effects.caustics {
                 // Hair has taken its part of these photons on their way.
@@ -269,7 +277,7 @@ impl<'s> Lighting<'s> {
     /// Γ̄ around a receiver as the shading of a point finds it, and what another estimator needs for the same question.
     pub fn around<'a>(&'a self, receiver: &Receiver, key: u32, space: &'a mut Workspace) -> Around<'a> {
         let igloo = if receiver.on.is_some() { &self.sphere } else { &self.hemisphere };
-        self.look(receiver, igloo, key, space);
+        self.look(receiver, igloo, Sequence::start(key), space);
         self.occlude(receiver, igloo, key, space);
         Around { igloo, far: &space.far, gamma: &space.gamma }
     }
@@ -282,7 +290,7 @@ impl<'s> Lighting<'s> {
         space: &'a mut Workspace,
     ) -> (&'a Igloo, &'a [f32]) {
         let igloo = if receiver.on.is_some() { &self.sphere } else { &self.hemisphere };
-        self.look(receiver, igloo, key, space);
+        self.look(receiver, igloo, Sequence::start(key), space);
         (igloo, &space.far)
     }
 
@@ -347,14 +355,14 @@ impl<'s> Lighting<'s> {
     }
 
     /// One ray a face: what it meets is the face's Λ, and ends the hair that counts in its Γ.
-    fn look(&self, receiver: &Receiver, igloo: &Igloo, key: u32, space: &mut Workspace) {
+    fn look(&self, receiver: &Receiver, igloo: &Igloo, sequence: Sequence, space: &mut Workspace) {
         let mut lap = Lap::start();
         space.far.clear();
         space.far.resize(igloo.len(), f32::INFINITY);
         space.seen.clear();
         if !ABSENT && self.effects.surfaces {
             space.directions.clear();
-            space.directions.extend((0..igloo.len()).map(|face| Self::jittered(receiver, igloo, face, key)));
+            space.directions.extend((0..igloo.len()).map(|face| Self::jittered(receiver, igloo, face, sequence)));
             let Workspace { far, seen, directions, .. } = space;
             self.light.nearest(receiver.position, directions, |face, hit| {
                 if let Some(hit) = &hit {
@@ -367,9 +375,10 @@ impl<'s> Lighting<'s> {
     }
 
     /// A direction in a face, drawn evenly.
-    fn jittered(receiver: &Receiver, igloo: &Igloo, face: usize, key: u32) -> Vec3 {
-        let jitter = |axis| to_unit(hash(&[FACE, key, face as u32, axis]));
-        receiver.frame * igloo.direction(face, jitter(0), jitter(1))
+    fn jittered(receiver: &Receiver, igloo: &Igloo, face: usize, sequence: Sequence) -> Vec3 {
+        let key = |axis| hash(&[FACE, sequence.seed, face as u32, axis]);
+        let [u, v] = sequence.pair([key(0), key(1)]);
+        receiver.frame * igloo.direction(face, u, v)
     }
 
     /// Γ̄ of each face.
@@ -434,7 +443,7 @@ impl<'s> Lighting<'s> {
     fn area(
         &self,
         receiver: &Receiver,
-        key: u32,
+        key: PointKey,
         space: &mut Workspace,
         origin: impl Fn(Vec3) -> Vec3,
         reflect: impl Fn(Vec3) -> Vec3,
@@ -445,6 +454,7 @@ impl<'s> Lighting<'s> {
             return;
         }
         let mut lap = Lap::start();
+        let PointKey { own: key, sequence } = key;
         let shift = hash(&[TOWARD, key]);
         let samples = Cell::new(0_u64);
         let mut ray = 0_u32;
@@ -463,7 +473,7 @@ impl<'s> Lighting<'s> {
             lit.unoccluded += free;
         };
         if area_lights {
-            self.light.area_light(receiver.position, self.area_samples, key, &mut add);
+            self.light.area_light(receiver.position, self.area_samples, sequence, &mut add);
             tally::add(Work::AreaLight, samples.take());
             lap.ends(Part::AreaLights, &mut space.clock);
         }

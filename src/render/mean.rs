@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::film::{EMPTY_DEPTH, Film, Pixel};
+use super::pass::Pass;
 
 /// Passes added up one after the other, in `f64`.
 #[derive(Clone, Debug)]
@@ -10,14 +11,17 @@ pub struct Mean {
     passes: u32,
     first: Film,
     sums: Vec<Sum>,
+    /// Means of the beauty over the passes of each stream, pixel by pixel.
+    streams: Vec<[Vec3; STREAMS]>,
     cost: Vec<f32>,
 }
 
+const STREAMS: usize = Pass::STREAMS as usize;
+
 #[derive(Clone, Copy, Debug, Default)]
 struct Sum {
-    /// Mean of the beauty so far, and sum of the squares around it (Welford).
+    /// Mean of the beauty so far.
     beauty: DVec3,
-    squares: DVec3,
     direct: DVec3,
     environment: DVec3,
     unoccluded: DVec3,
@@ -35,17 +39,20 @@ impl Mean {
     #[must_use]
     pub fn new(film: Film) -> Self {
         let (sums, cost) = (vec![Sum::default(); film.pixels.len()], vec![0.0; film.cost.len()]);
-        let mut mean = Self { passes: 0, first: film.clone(), sums, cost };
+        let streams = vec![[Vec3::ZERO; STREAMS]; film.pixels.len()];
+        let mut mean = Self { passes: 0, first: film.clone(), sums, streams, cost };
         mean.add(&film);
         mean
     }
 
-    /// Adds a pass over the same window.
+    /// Adds a pass over the same window: the next one by number ([`Pass::of`]).
     pub fn add(&mut self, film: &Film) {
+        let (stream, before) = (self.passes as usize % STREAMS, self.passes as usize / STREAMS);
         self.passes += 1;
         let n = f64::from(self.passes);
-        for (sum, pixel) in self.sums.iter_mut().zip(&film.pixels) {
+        for ((sum, means), pixel) in self.sums.iter_mut().zip(&mut self.streams).zip(&film.pixels) {
             sum.add(pixel, n);
+            means[stream] += (pixel.beauty - means[stream]) / (before + 1) as f32;
         }
         self.cost.iter_mut().zip(&film.cost).for_each(|(sum, cost)| *sum += cost);
     }
@@ -65,10 +72,24 @@ impl Mean {
     /// Variance of the beauty, mean over channels and the pixels in which something is seen; none of a single pass.
     #[must_use]
     pub fn variance(&self) -> Option<f64> {
-        let n = f64::from(self.passes);
-        let seen = self.sums.iter().filter(|sum| sum.alpha > 0.0);
-        let (sum, count) = seen.fold((0.0, 0.0), |(sum, count), of| (sum + of.squares.element_sum(), count + 3.0_f64));
-        (self.passes > 1).then(|| sum / (n * (n - 1.0)) / count.max(1.0))
+        let seen = (0..self.sums.len()).filter(|&pixel| self.sums[pixel].alpha > 0.0);
+        let of = |pixel| self.variance_of(pixel).element_sum();
+        let (sum, count) = seen.fold((0.0, 0.0), |(sum, count), pixel| (sum + of(pixel), count + 3.0_f64));
+        (self.passes > 1).then(|| sum / count.max(1.0))
+    }
+
+    /// Variance of a pixel's mean, of two or more passes.
+    ///
+    /// Passes of a stream go hand in hand, so their own spread says nothing: the streams' means, which are independent, tell it. With one's share w of the
+    /// passes it is Σ w (m - mean)² / (streams - 1), which is right whatever the shares if passes are independent, and for equal shares if they are not.
+    fn variance_of(&self, pixel: usize) -> DVec3 {
+        let (n, streams) = (self.passes, self.passes.min(Pass::STREAMS));
+        let squares = (0..streams).map(|stream| {
+            let share = f64::from((n - stream).div_ceil(Pass::STREAMS)) / f64::from(n);
+            let off = self.streams[pixel][stream as usize].as_dvec3() - self.sums[pixel].beauty;
+            share * off * off
+        });
+        squares.sum::<DVec3>() / (f64::from(streams) - 1.0).max(1.0)
     }
 
     /// The picture: of a single pass that pass itself, to the bit. With its standard error where there are two or more.
@@ -78,20 +99,16 @@ impl Mean {
             return self.first;
         }
         let n = f64::from(self.passes);
-        let mut film = self.first;
-        film.standard_error = self.sums.iter().map(|sum| sum.standard_error(n)).collect();
-        film.pixels = self.sums.iter().map(|sum| sum.pixel(n)).collect();
-        film.cost = self.cost;
-        film
+        let standard_error = (0..self.sums.len()).map(|pixel| root(self.variance_of(pixel))).collect();
+        let pixels = self.sums.iter().map(|sum| sum.pixel(n)).collect();
+        Film { standard_error, pixels, cost: self.cost, ..self.first }
     }
 }
 
 impl Sum {
     fn add(&mut self, pixel: &Pixel, n: f64) {
         let beauty = pixel.beauty.as_dvec3();
-        let before = beauty - self.beauty;
-        self.beauty += before / n;
-        self.squares += before * (beauty - self.beauty);
+        self.beauty += (beauty - self.beauty) / n;
         for (sum, value) in [
             (&mut self.direct, pixel.direct),
             (&mut self.environment, pixel.environment),
@@ -109,11 +126,6 @@ impl Sum {
         }
     }
 
-    fn standard_error(&self, n: f64) -> Vec3 {
-        let variance = (self.squares / (n * (n - 1.0))).max(DVec3::ZERO);
-        DVec3::new(variance.x.sqrt(), variance.y.sqrt(), variance.z.sqrt()).as_vec3()
-    }
-
     fn pixel(&self, n: f64) -> Pixel {
         let seen = f64::from(self.seen.max(1));
         let anything = self.seen > 0;
@@ -129,6 +141,10 @@ impl Sum {
             tangent: self.tangent.normalize_or_zero().as_vec3(),
         }
     }
+}
+
+fn root(v: DVec3) -> Vec3 {
+    DVec3::new(v.x.sqrt(), v.y.sqrt(), v.z.sqrt()).as_vec3()
 }
 
 #[cfg(test)]
@@ -163,5 +179,22 @@ mod tests {
         assert!((film.error_of(0).x - (14.0_f32 / 12.0).sqrt()).abs() < 1e-6);
         // Seen by one pass of four: the depth is that of what was seen, the coverage is of all.
         assert_eq!((film.pixels[1].depth, film.pixels[1].alpha), (4.0, 1.0));
+    }
+
+    #[test]
+    fn what_streams_agree_on_is_no_error() {
+        // Each stream sees 0 and 2 in turn: passes differ, means of streams do not. Of six passes two streams have two, two have one.
+        let mut mean = Mean::new(film(&[0.0]));
+        for value in [0.0, 0.0, 0.0, 2.0, 2.0, 2.0, 2.0] {
+            mean.add(&film(&[value]));
+        }
+        assert_eq!((mean.beauty(0).x, mean.variance()), (1.0, Some(0.0)));
+        let mut mean = Mean::new(film(&[1.0]));
+        for value in [2.0, 3.0, 6.0, 3.0, 0.0] {
+            mean.add(&film(&[value]));
+        }
+        // Means 2, 1, 3, 6 with shares of a third, a third, a sixth, a sixth: 2.5; squares .25, 2.25, .25, 12.25.
+        let variance = (0.25 / 3.0 + 2.25 / 3.0 + 0.25 / 6.0 + 12.25 / 6.0) / 3.0;
+        assert!((mean.variance().unwrap() - variance).abs() < 1e-6 && mean.beauty(0).x == 2.5);
     }
 }

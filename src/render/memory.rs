@@ -43,8 +43,8 @@ const OBJ_TRIANGLE: u64 = 20;
 const SPHERE_TRIANGLES: u64 = 20_480;
 /// Triangles of a teapot.
 const TEAPOT_TRIANGLES: u64 = 43_056;
-/// A pixel's sums over passes, in `f64`.
-const PASS_PIXEL: u64 = 240;
+/// A pixel's sums over passes, in `f64`, and the means of its streams.
+const PASS_PIXEL: u64 = 264;
 /// A photon that is kept, and its share of the trees over them while they are built.
 const PHOTON: u64 = 120;
 /// A way of such a photon through the box around the hair; and a point on it, with its share of the tree while it is built.

@@ -10,6 +10,7 @@ use super::clock::Clock;
 use super::costs::Measured;
 use super::film::{Film, Pixel};
 use super::lighting::Lighting;
+use super::pass::Pass;
 use super::photons::Photons;
 use super::pipeline::{Options, tiles};
 use super::progress::Progress;
@@ -18,18 +19,8 @@ use super::statistics::{SpecularCut, Statistics, Watch};
 use super::tile::{Frame, Tile, TileSpace};
 use crate::effects::Effects;
 use crate::fragment::{Bins, PixelRect, TileGrid, scan_convert};
-use crate::hash::hash;
 use crate::scene::Scene;
 use crate::tally;
-
-/// Purpose of the random numbers that are the passes' seeds.
-const PASS: u32 = 0x5041_5353;
-
-/// The seed of a pass, counted from 0; the first has the picture's own.
-#[must_use]
-pub fn pass_seed(seed: u32, pass: u32) -> u32 {
-    if pass == 0 { seed } else { hash(&[PASS, seed, pass]) }
-}
 
 /// A scene with all its structures built and its settings of Γ found.
 #[derive(Debug)]
@@ -133,7 +124,7 @@ impl<'s> Prepared<'s> {
         } else if effects.photons || effects.caustics {
             let watch = Watch::start();
             progress.stage("tracing photons", 0);
-            lighting.trace_photons(progress)?;
+            lighting.trace_photons(lighting.scene().description().sampling.seed, progress)?;
             statistics.stage("tracing photons", &watch);
         }
         lighting.force_estimators();
@@ -149,6 +140,30 @@ impl<'s> Prepared<'s> {
     /// Its photons, for another picture of the same scene.
     pub fn into_photons(mut self) -> Photons {
         self.lighting.take_photons()
+    }
+
+    /// Photons in place of those that it has, or some of another seed where none of this scene are given; what it had comes back. None where the scene calls for
+    /// none.
+    ///
+    /// # Errors
+    /// Cancelled work.
+    pub fn exchange_photons(
+        &mut self,
+        photons: Option<Photons>,
+        seed: u32,
+        progress: &dyn Progress,
+    ) -> Result<Option<Photons>, RenderError> {
+        let effects = self.lighting.effects();
+        if !(effects.photons || effects.caustics) {
+            return Ok(None);
+        }
+        let photons = photons.filter(|photons| photons.name == Photons::name(self.lighting.scene(), &effects));
+        let watch = photons.is_none().then(Watch::start);
+        let before = self.lighting.exchange_photons(photons, seed, progress)?;
+        if let Some(watch) = watch {
+            self.statistics.stage("tracing more photons", &watch);
+        }
+        Ok(Some(before))
     }
 
     /// The scene, its surfaces taken out.
@@ -181,15 +196,15 @@ impl<'s> Prepared<'s> {
         &mut self.statistics
     }
 
-    /// Renders all pixels with random numbers of a seed.
+    /// Renders all pixels with the random numbers of a pass.
     ///
     /// # Errors
     /// Cancelled work.
-    pub fn pass(&mut self, seed: u32, progress: &dyn Progress) -> Result<Film, RenderError> {
+    pub fn pass(&mut self, pass: Pass, progress: &dyn Progress) -> Result<Film, RenderError> {
         let watch = Watch::start();
         progress.stage("rendering", self.grid.count() as u64);
-        self.lighting.begin_sharing(seed);
-        let frame = Frame { seed, ..Frame::new(&self.lighting) };
+        self.lighting.begin_sharing(pass.seed);
+        let frame = Frame { pass, ..Frame::new(&self.lighting) };
         let mut film = Film::new(self.grid.rect(), self.full_size);
         let tiles: Vec<_> = (0..self.grid.count())
             .into_par_iter()
@@ -269,12 +284,12 @@ impl<'s> Prepared<'s> {
         Selection { at: at.to_vec(), segments }
     }
 
-    /// Renders single pixels, each as [`Self::pass`] with this seed would if points shared no light.
+    /// Renders single pixels, each as [`Self::pass`] alone with this seed would if points shared no light.
     ///
     /// # Errors
     /// Cancelled work.
     pub fn pixels(&self, selection: &Selection, seed: u32, progress: &dyn Progress) -> Result<Pixels, RenderError> {
-        let frame = Frame { seed, ..Frame::new(&self.lighting) };
+        let frame = Frame { pass: Pass::alone(seed), ..Frame::new(&self.lighting) };
         let tiles: Option<Vec<Tile>> = selection
             .at
             .par_iter()

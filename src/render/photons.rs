@@ -31,6 +31,7 @@ pub(super) fn reflected(
     light: &Illumination,
     scene: &Scene,
     effects: &Effects,
+    seed: u32,
     hair: &(impl Fn(glam::Vec3, glam::Vec3, f32) -> f32 + Sync),
     progress: &dyn Progress,
 ) -> Option<PhotonMap> {
@@ -39,7 +40,7 @@ pub(super) fn reflected(
         photons: description.indirect.photons,
         max_bounces: description.indirect.max_bounces,
         neighbours: description.indirect.neighbours,
-        seed: description.sampling.seed,
+        seed,
     };
     effects.photons.then(|| light.photon_map(&settings, hair, &|| progress.cancelled())).flatten()
 }
@@ -49,6 +50,7 @@ pub(super) fn caustics(
     light: &Illumination,
     scene: &Scene,
     effects: &Effects,
+    seed: u32,
     hair: &(impl Fn(glam::Vec3, glam::Vec3, f32) -> f32 + Sync),
     progress: &dyn Progress,
 ) -> Option<Caustics> {
@@ -57,7 +59,7 @@ pub(super) fn caustics(
         photons: description.indirect.caustic_photons,
         depth: description.indirect.specular_depth,
         neighbours: description.indirect.neighbours,
-        seed: description.sampling.seed,
+        seed,
     };
     let trace = || light.caustic_map(&settings, bounds(&scene.hair.points), hair, &|| progress.cancelled());
     effects.caustics.then(trace).flatten()

@@ -4,7 +4,8 @@ use thiserror::Error;
 
 use super::film::Film;
 use super::mean::Mean;
-use super::passes::{Prepared, pass_seed};
+use super::pass::Pass;
+use super::passes::Prepared;
 use super::progress::Progress;
 use super::statistics::Statistics;
 use super::tile::Frame;
@@ -80,11 +81,11 @@ fn render_here(
 ) -> Result<(Film, Statistics), RenderError> {
     let (seed, passes) = (scene.description().sampling.seed, scene.description().passes());
     let mut prepared = Prepared::new(scene, options, progress)?;
-    let mut film = prepared.pass(seed, progress)?;
+    let mut film = prepared.pass(Pass::of(seed, 0), progress)?;
     if passes > 1 {
         let mut mean = Mean::new(film);
         for pass in 1..passes {
-            mean.add(&prepared.pass(pass_seed(seed, pass), progress)?);
+            mean.add(&prepared.pass(Pass::of(seed, pass), progress)?);
         }
         film = mean.film();
     }

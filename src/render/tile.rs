@@ -10,6 +10,7 @@ use super::estimator::transmittance_rule;
 use super::film::{EMPTY_DEPTH, Pixel};
 use super::lamp_lit::{FromLamps, LampLit};
 use super::lighting::{Lighting, Lit, Workspace};
+use super::pass::{Pass, PointKey};
 use super::progress::Progress;
 use super::reflections::Reflections;
 use super::specular::{Found, SpecularPixel, Through};
@@ -21,10 +22,11 @@ use crate::fragment::{
     scan_convert,
 };
 use crate::hair::StrandSample;
-use crate::hash::{hash, unit};
+use crate::hash::{hash, hash64};
 use crate::occlusion::Transmittance;
 use crate::scene::Scene;
 use crate::scene::description::{Layer, LayerChoice};
+use crate::sequence::Sequence;
 use crate::surface::{SurfacePoint, Surfaces};
 use crate::tally::{self, Work};
 use crate::z_order::z_order;
@@ -51,7 +53,7 @@ pub(super) struct Frame<'a> {
     pub layer_choice: LayerChoice,
     /// Surface samples along a pixel's side.
     pub per_side: u32,
-    pub seed: u32,
+    pub pass: Pass,
     /// Whether the environment is seen behind everything.
     pub background: bool,
     /// Whether the time of each pixel is wanted.
@@ -133,7 +135,7 @@ impl<'a> Frame<'a> {
             layers: sampling.layers as usize,
             layer_choice: sampling.layer_choice,
             per_side: f64::from(sampling.surface_samples).sqrt().ceil() as u32,
-            seed: sampling.seed,
+            pass: Pass::of(sampling.seed, 0),
             background: scene.description().camera.background,
             costs: scene.description().output.layers.contains(&Layer::Cost),
         }
@@ -238,7 +240,9 @@ impl<'a> Frame<'a> {
             LayerChoice::Seen => layers.select(self.layers, Rank::Seen, MIN_WEIGHT, shaded),
             LayerChoice::Gamma => layers.select(self.layers, Rank::Gamma, MIN_WEIGHT, shaded),
             LayerChoice::Drawn => {
-                layers.draw(self.layers, unit(&[DRAWN_LAYERS, self.seed, pixel[0], pixel[1]]), shaded)
+                let sequence = self.pass.sequence;
+                let random = sequence.number(hash64(&[DRAWN_LAYERS, sequence.seed, pixel[0], pixel[1]]));
+                layers.draw(self.layers, random, shaded);
             }
         }
         for chosen in shaded.iter() {
@@ -259,7 +263,7 @@ impl<'a> Frame<'a> {
                 continue;
             }
             let (at, lamp_lit) = if self.layer_choice == LayerChoice::Drawn {
-                let (gathers, lit) = from_lamps.draw(&surfaces.samples, number, [self.seed, pixel[0], pixel[1]]);
+                let (gathers, lit) = from_lamps.draw(&surfaces.samples, number, self.pass.sequence, pixel);
                 (gathers, lit.map(|(at, counts)| LampLit { at: met[at], counts }))
             } else {
                 (group.hit.index as usize, None)
@@ -286,8 +290,9 @@ impl<'a> Frame<'a> {
         let mut lap = Lap::start();
         let specular = self.lighting.effects().specular;
         let drawn = self.layer_choice == LayerChoice::Drawn;
-        for (per_side, seed) in [(self.per_side, self.seed), (FINER * self.per_side, hash(&[MORE_SAMPLES, self.seed]))]
-        {
+        let few = self.pass.sequence;
+        let many = Sequence { seed: hash(&[MORE_SAMPLES, few.seed]), ..few };
+        for (per_side, sequence) in [(self.per_side, few), (FINER * self.per_side, many)] {
             met.clear();
             directions.clear();
             let hit = |origin, direction| {
@@ -295,7 +300,7 @@ impl<'a> Frame<'a> {
                 directions.extend(hit.is_some_and(|_| specular).then_some(direction));
                 hit
             };
-            surfaces.gather(self.camera(), pixel, per_side, seed, hit);
+            surfaces.gather(self.camera(), pixel, per_side, sequence, hit);
             if drawn {
                 from_lamps.find(met, |point| self.lighting.light_of_lamps(point));
             }
@@ -318,12 +323,12 @@ impl<'a> Frame<'a> {
             if hit.optics.is_some() {
                 let group = group as usize;
                 let weight = layers.group_weights[group] / f64::from(surfaces.groups[group].samples);
-                let key = hash(&[SPECULAR, self.seed, x, y, sample as u32]);
+                let key = hash(&[SPECULAR, self.pass.seed, x, y, sample as u32]);
                 specular.follow(&through, hit, *direction, weight as f32, key);
             }
         }
         let mut count = 0;
-        specular.choose(self.layers, hash(&[SPECULAR, self.seed, x, y]), |seen, color| {
+        specular.choose(self.layers, hash(&[SPECULAR, self.pass.seed, x, y]), |seen, color| {
             let weight = color.element_sum() / 3.0;
             let what = match seen.found {
                 Found::Surface(hit) => What::Surface(hit),
@@ -375,14 +380,17 @@ impl<'a> Frame<'a> {
     }
 
     /// What names the random numbers of a point.
-    pub fn key(&self, rect: &PixelRect, point: &Point) -> u32 {
+    pub fn key(&self, rect: &PixelRect, point: &Point) -> PointKey {
         let [x, y] = point.place(rect);
-        let key = match &point.what {
-            What::Hair { segment, .. } => hash(&[HAIR_POINT, self.seed, x, y, *segment]),
-            What::Surface(hit) => hash(&[SURFACE_POINT, self.seed, x, y, hit.triangle]),
+        let (purpose, index) = match &point.what {
+            What::Hair { segment, .. } => (HAIR_POINT, *segment),
+            What::Surface(hit) => (SURFACE_POINT, hit.triangle),
         };
+        let Pass { seed, sequence } = self.pass;
+        let named = |seed| hash(&[purpose, seed, x, y, index]);
+        let key = PointKey { own: named(seed), sequence: Sequence { seed: named(sequence.seed), ..sequence } };
         // A mirror may show one triangle many times in a pixel.
-        point.by_way.map_or(key, |by_way| hash(&[SPECULAR, key, by_way.index]))
+        point.by_way.map_or(key, |by_way| key.part(SPECULAR, by_way.index))
     }
 
     pub fn light(&self, rect: &PixelRect, point: &Point, space: &mut Workspace) -> Lit {

@@ -13,19 +13,24 @@ use std::time::Instant;
 
 use self::pixels::Looked;
 use self::settings::{set, set_truth};
+use self::streams::Streams;
 use self::worth::{AIM, MOST_PASSES, Trial, Truth};
 use super::accuracy::settings::KNOB;
 use crate::render::progress::Progress;
 use crate::render::statistics::Watch;
-use crate::render::{Film, Mean, Options, Photons, Prepared, RenderError, Statistics, pass_seed, with_threads};
+use crate::render::{Film, Mean, Options, Pass, Photons, Prepared, RenderError, Statistics, with_threads};
 use crate::scene::Scene;
 use crate::scene::description::Description;
 use crate::surface::SurfaceModel;
+
+/// Passes from which on it is asked whether they are enough, however many were planned: they may be worth more together than one by one.
+const FIRST_LOOK: u32 = 2 * Pass::STREAMS;
 
 mod claim;
 mod pixels;
 mod references;
 mod settings;
+mod streams;
 mod trials;
 mod worth;
 
@@ -51,7 +56,11 @@ pub fn render_to(
     with_threads(options.threads, || {
         let surfaces = scene.surfaces.clone();
         let given = scene.document.description.clone();
-        Job { scene, surfaces, given, goal, options, progress, begin: Instant::now(), photons: None }.run()
+        let streams = Streams::new(match goal {
+            Goal::Error(error) => Some(error),
+            Goal::Time(_) => None,
+        });
+        Job { scene, surfaces, given, goal, options, progress, begin: Instant::now(), streams }.run()
     })?
 }
 
@@ -63,8 +72,8 @@ struct Job<'a> {
     options: &'a Options,
     progress: &'a dyn Progress,
     begin: Instant,
-    /// Those of the picture, once they are traced.
-    photons: Option<Photons>,
+    /// The picture's photons.
+    streams: Streams,
 }
 
 impl Job<'_> {
@@ -81,9 +90,9 @@ impl Job<'_> {
         Ok((film, statistics))
     }
 
-    /// The scene at a place of the knob, its surfaces back, with the picture's photons: who has done with it gives them back.
+    /// The scene at a place of the knob, its surfaces back, with the picture's first photons: who has done with it gives them back.
     fn prepare(&mut self, place: usize) -> Result<Prepared<'_>, RenderError> {
-        let photons = self.photons.take();
+        let photons = self.streams.first();
         self.prepare_with(place, self.given.sampling.seed, photons)
     }
 
@@ -121,11 +130,12 @@ impl Job<'_> {
         watch: &Watch,
     ) -> Result<(Film, Statistics), RenderError> {
         let (seed, progress, goal, begin) = (self.given.sampling.seed, self.progress, self.goal, self.begin);
-        let mut prepared = self.prepare(trial.place)?;
+        let mut streams = std::mem::take(&mut self.streams);
+        let mut prepared = self.prepare_with(trial.place, seed, streams.first())?;
         let stage = watch.stage("calibrating");
         let window = prepared.window();
-        let mut mean = Mean::new(prepared.pass(pass_seed(seed, 0), progress)?);
-        let mut most = planned;
+        let mut mean = Mean::new(prepared.pass(Pass::of(seed, 0), progress)?);
+        let mut most = planned.min(FIRST_LOOK);
         let mut done = 1;
         loop {
             let begun = begin.elapsed().as_secs_f64();
@@ -157,13 +167,14 @@ impl Job<'_> {
                 }
                 Goal::Error(_) => {}
             }
-            mean.add(&prepared.pass(pass_seed(seed, done), progress)?);
+            streams.turn(&mut prepared, seed, done, progress)?;
+            mean.add(&prepared.pass(Pass::of(seed, done), progress)?);
             done += 1;
         }
         let film = mean.film();
         let mut statistics = prepared.statistics().clone();
         statistics.mean = film.mean_beauty().to_array();
-        statistics.stages.retain(|stage| stage.name == "rendering");
+        statistics.stages.retain(|stage| ["tracing more photons", "rendering"].contains(&stage.name.as_str()));
         statistics.stages.insert(0, stage);
         Ok((film, statistics))
     }

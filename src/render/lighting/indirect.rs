@@ -62,11 +62,11 @@ impl Lighting<'_> {
     ///
     /// # Errors
     /// Cancelled work.
-    pub fn trace_photons(&mut self, progress: &dyn Progress) -> Result<(), RenderError> {
+    pub fn trace_photons(&mut self, seed: u32, progress: &dyn Progress) -> Result<(), RenderError> {
         let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
         let taken = |begun| cpu::process().saturating_sub(begun).as_secs_f64();
         let begun = cpu::process();
-        let map = photons::reflected(&self.light, self.scene, &self.effects, &hair, progress);
+        let map = photons::reflected(&self.light, self.scene, &self.effects, seed, &hair, progress);
         if progress.cancelled() {
             return Err(RenderError::Cancelled);
         }
@@ -77,7 +77,7 @@ impl Lighting<'_> {
         self.light.set_photons(kept);
         let hair = |origin, direction, far| self.between_surfaces(origin, direction, far);
         let begun = cpu::process();
-        let caustics = photons::caustics(&self.light, self.scene, &self.effects, &hair, progress);
+        let caustics = photons::caustics(&self.light, self.scene, &self.effects, seed, &hair, progress);
         if progress.cancelled() {
             return Err(RenderError::Cancelled);
         }
@@ -96,6 +96,22 @@ impl Lighting<'_> {
             |built: &Built| matches!(built.effect, EffectName::MoreThanOneReflection | EffectName::Caustics);
         let built = self.built.iter().filter(|built| of_photons(built)).copied().collect();
         Photons { reflected, caustics, built, name: Photons::name(self.scene, &self.effects) }
+    }
+
+    /// Takes photons in place of those that it has, or traces some with a seed where there are none, and gives those back. What all of them took stays counted.
+    pub(in crate::render) fn exchange_photons(
+        &mut self,
+        photons: Option<Photons>,
+        seed: u32,
+        progress: &dyn Progress,
+    ) -> Result<Photons, RenderError> {
+        let (reflected, caustics) = self.light.take_maps();
+        let taken = Photons { reflected, caustics, built: Vec::new(), name: Photons::name(self.scene, &self.effects) };
+        match photons {
+            Some(photons) => self.set_photons(photons),
+            None => self.trace_photons(seed, progress)?,
+        }
+        Ok(taken)
     }
 
     /// Counts photons that were traced before.

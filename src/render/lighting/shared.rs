@@ -16,6 +16,7 @@ use crate::hair::strands::bounds;
 use crate::hash::{hash, to_unit};
 use crate::occlusion::{Igloo, Receiver};
 use crate::render::costs::Built;
+use crate::render::pass::PointKey;
 use crate::scene::description::EffectName;
 use crate::surface::SurfacePoint;
 use crate::tally::{self, Work};
@@ -151,8 +152,9 @@ impl Lighting<'_> {
     }
 
     /// As [`Self::look`] from a point on hair, with what its neighbours share.
-    pub(super) fn look_shared(&self, shared: &SharedLight, receiver: &Receiver, key: u32, space: &mut Workspace) {
+    pub(super) fn look_shared(&self, shared: &SharedLight, receiver: &Receiver, key: PointKey, space: &mut Workspace) {
         let mut lap = Lap::start();
+        let PointKey { own: key, sequence } = key;
         let corner = shared.choose(receiver.position, key);
         let place = shared.position(corner);
         let way = place - receiver.position;
@@ -160,7 +162,7 @@ impl Lighting<'_> {
         let hidden = distance > 0.0 && !self.light.sees(receiver.position, way / distance, distance);
         lap.ends(Part::Gather, &mut space.clock);
         if hidden {
-            return self.look(receiver, &self.sphere, key, space);
+            return self.look(receiver, &self.sphere, sequence, space);
         }
         let index = shared.index(corner);
         let rays = shared.corners[index].get_or_init(|| self.rays_of(shared, index, place));
@@ -178,7 +180,7 @@ impl Lighting<'_> {
                 Some(f32::INFINITY) => Seen::Sky,
                 Some(_) => Seen::Lit(ray.radiance),
                 None => {
-                    directions.push(Self::jittered(receiver, &self.sphere, face, key));
+                    directions.push(Self::jittered(receiver, &self.sphere, face, sequence));
                     own.push(face as u32);
                     Seen::Sky
                 }

@@ -12,7 +12,7 @@ use crate::hash::hash;
 use crate::image::RgbImage;
 use crate::render::progress::Progress;
 use crate::render::statistics::{Watch, peak_memory};
-use crate::render::{self, Film, Prepared, with_threads};
+use crate::render::{self, Film, Pass, Prepared, with_threads};
 use crate::scene::description::{Description, EnvironmentSources};
 use crate::scene::{self, Scene};
 use crate::surface::SurfaceModel;
@@ -196,7 +196,7 @@ impl<'a> Bench<'a> {
             let mut before = prepared.statistics().stages.clone();
             for &seed in seeds {
                 let watch = Watch::start();
-                let film = prepared.pass(seed, &quiet)?;
+                let film = prepared.pass(Pass::alone(seed), &quiet)?;
                 // The first pass pays for the structures.
                 let mut stages = std::mem::take(&mut before);
                 stages.push(watch.stage("rendering"));
@@ -230,7 +230,7 @@ impl<'a> Bench<'a> {
             let mut prepared = Prepared::new(scene, &options, &quiet)?;
             let before = watch.elapsed().as_secs_f64();
             let watch = Watch::start();
-            prepared.pass(0, &quiet)?;
+            prepared.pass(Pass::alone(0), &quiet)?;
             Ok(Pace { before, pixel: watch.elapsed().as_secs_f64() / pixels * f64::from(passes) })
         })?
     }

@@ -49,7 +49,8 @@ impl Job<'_> {
         let some: Vec<[u32; 2]> = (0..count).map(|n| place(number(n))).collect();
         progress.stage("looking for pixels", count as u64);
         let looked = prepared.pixels(&prepared.select(&some), hash(&[LOOK, seed]), progress)?;
-        self.photons = Some(prepared.into_photons());
+        let photons = prepared.into_photons();
+        self.streams.put_first(photons);
         let light = some.into_iter().zip(looked.pixels).filter(|(_, pixel)| pixel.alpha > 0.0);
         Ok(Looked::new(light.map(|(at, pixel)| (at, pixel.beauty.as_dvec3().element_sum() / 3.0)).collect()))
     }

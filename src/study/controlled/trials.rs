@@ -90,7 +90,8 @@ impl Job<'_> {
     fn trial(&mut self, place: usize, judges: &Judges, level: f64, best: f64) -> Result<Trial, RenderError> {
         let (seed, progress, goal) = (self.given.sampling.seed, self.progress, self.goal);
         let begin = Instant::now();
-        let prepared = self.prepare(place)?;
+        let mut streams = std::mem::take(&mut self.streams);
+        let mut prepared = self.prepare_with(place, seed, streams.first())?;
         let before = begin.elapsed().as_secs_f64();
         progress.stage("trying settings", 0);
         let Judges { pixels, truths } = judges;
@@ -99,13 +100,14 @@ impl Job<'_> {
         let begin = Instant::now();
         let (mut runs, mut counted): (Vec<Vec<[f64; 3]>>, f64) = (Vec::new(), 0.0);
         let (worth, scale) = loop {
+            streams.turn(&mut prepared, seed, runs.len() as u32, progress)?;
             let found = prepared.pixels(pixels, hash(&[TRIAL, seed, runs.len() as u32]), progress)?;
             counted += work(&prepared, &found);
             runs.push(found.pixels.iter().map(|pixel| pixel.beauty.as_dvec3().to_array()).collect());
-            if runs.len() < 2 {
+            if runs.len() < 2 * streams.count() {
                 continue;
             }
-            let worth = Worth::new(truths, &runs, level);
+            let worth = Worth::new(truths, &runs, streams.count(), level);
             let scale = all / (truths.len() * runs.len()).max(1) as f64;
             let Goal::Error(error) = goal else { break (worth, scale) };
             let square = (AIM * error).powi(2);
@@ -120,7 +122,8 @@ impl Job<'_> {
             Goal::Error(_) => scale * counted,
             Goal::Time(_) => scale * begin.elapsed().as_secs_f64(),
         };
-        self.photons = Some(prepared.into_photons());
+        streams.end(prepared, seed, runs.len() as u32, progress)?;
+        self.streams = streams;
         Ok(Trial { place, worth, work, before })
     }
 
@@ -136,8 +139,8 @@ impl Job<'_> {
                 // None: what errs least in its bias, in passes that hardly add to it.
                 return best.map_or_else(
                     || {
-                        let least = *least(trials, |trial| trial.worth.bias);
-                        (least, least.passes(square.max(1.1 * least.worth.bias)).unwrap_or(64))
+                        let least = *least(trials, |trial| trial.worth.lasting);
+                        (least, least.passes(square.max(1.1 * least.worth.lasting)).unwrap_or(64))
                     },
                     |(trial, passes)| (*trial, passes),
                 );
@@ -149,7 +152,7 @@ impl Job<'_> {
         if possible.is_empty() {
             return (*least(trials, |trial| trial.work), 1);
         }
-        let best = *least(&possible, |trial| trial.worth.bias + trial.worth.noise / passes(trial).max(1.0));
+        let best = *least(&possible, |trial| trial.worth.lasting + trial.worth.noise / passes(trial).max(1.0));
         (best, passes(&best).min(f64::from(MOST_PASSES)) as u32)
     }
 }

@@ -48,40 +48,58 @@ pub struct Trial {
 /// What a pass errs by: mean squares, relative to the square of the mean.
 #[derive(Clone, Copy, Debug)]
 pub struct Worth {
-    /// What stays however many passes there are.
+    /// What stays whatever the random numbers are.
     pub bias: f64,
     /// Standard error of the estimate of that.
     pub doubt: f64,
+    /// What stays however many passes there are: the bias, and the noise of the photons of all streams.
+    pub lasting: f64,
     /// What falls with their number.
     pub noise: f64,
 }
 
 impl Worth {
-    /// From two or more runs, each with the pixels of the references in their order. `level` is the mean.
-    pub fn new(truths: &[Truth], runs: &[Vec<[f64; 3]>], level: f64) -> Self {
+    /// From two or more runs, each with the pixels of the references in their order, that took turns in so many streams; two or more if there is more than one.
+    /// `level` is the mean.
+    pub fn new(truths: &[Truth], runs: &[Vec<[f64; 3]>], streams: usize, level: f64) -> Self {
         let count = runs.len() as f64;
-        let (mut sum, mut squares, mut noise) = (0.0, 0.0, 0.0);
+        // Without streams each run is one of its own.
+        let streams = if streams > 1 { streams } else { runs.len() };
+        let alike: f64 =
+            (0..streams).map(|stream| (runs.len() - stream.min(runs.len())).div_ceil(streams).pow(2) as f64).sum();
+        let (mut sum, mut squares, mut lasting, mut noise) = (0.0, 0.0, 0.0, 0.0);
         let level2 = level * level;
         for (index, truth) in truths.iter().enumerate() {
-            // The products of different runs have the bias alone in them: Σ a b = (Σ a)² - Σ a².
-            let all = [0, 1, 2].map(|c| runs.iter().map(|run| run[index][c] - truth.mean(c)).sum::<f64>());
-            let of_all = all.iter().map(|sum| sum * sum).sum::<f64>() / 3.0;
+            // The products of runs of different streams have the bias alone in them, those of different runs what lasts: Σ a b = (Σ a)² - Σ a².
+            let square_of = |first: usize, step: usize| {
+                let sum =
+                    |c| runs.iter().skip(first).step_by(step).map(|run| run[index][c] - truth.mean(c)).sum::<f64>();
+                [0, 1, 2].map(|c| sum(c).powi(2)).iter().sum::<f64>() / 3.0
+            };
+            let of_all = square_of(0, 1);
+            let of_streams: f64 = (0..streams).map(|stream| square_of(stream, streams)).sum();
             let of_each = runs.iter().map(|run| truth.product(run[index], run[index])).sum::<f64>();
-            let bias = truth.weight * ((of_all - of_each) / (count * (count - 1.0)) - truth.variance());
+            let bias = truth.weight * ((of_all - of_streams) / (count * count - alike) - truth.variance());
             sum += bias;
             squares += bias * bias;
+            lasting += truth.weight * ((of_all - of_each) / (count * (count - 1.0)) - truth.variance());
             noise += truth.weight * (of_each - of_all / count) / (count - 1.0);
         }
         let n = truths.len().max(1) as f64;
         let variance = (squares / n - (sum / n).powi(2)).max(0.0) / n;
-        Self { bias: (sum / n).max(0.0) / level2, doubt: variance.sqrt() / level2, noise: noise / n / level2 }
+        Self {
+            bias: (sum / n).max(0.0) / level2,
+            doubt: variance.sqrt() / level2,
+            lasting: (lasting / n).max(0.0) / level2,
+            noise: noise / n / level2,
+        }
     }
 }
 
 impl Trial {
-    /// Passes for a mean square error; none where its bias alone is more.
+    /// Passes for a mean square error; none where what lasts alone is more.
     pub fn passes(&self, square: f64) -> Option<u32> {
-        let room = square - self.worth.bias;
+        let room = square - self.worth.lasting;
         let passes = (self.worth.noise / room).ceil().max(1.0);
         (room > 0.0 && passes <= f64::from(MOST_PASSES)).then_some(passes as u32)
     }
@@ -111,7 +129,7 @@ mod tests {
     use crate::hash::unit;
 
     fn trial(bias: f64, noise: f64, work: f64) -> Trial {
-        Trial { place: 0, worth: Worth { bias, doubt: 0.0, noise }, work, before: 0.0 }
+        Trial { place: 0, worth: Worth { bias, doubt: 0.0, lasting: bias, noise }, work, before: 0.0 }
     }
 
     #[test]
@@ -147,10 +165,26 @@ mod tests {
         for runs in [2, 5] {
             let run = |n: u32| (0..20_000).map(|i| pixel([10 + n, i], 2.05, 0.3)).collect();
             let runs: Vec<Vec<[f64; 3]>> = (0..runs).map(run).collect();
-            let worth = Worth::new(&truths, &runs, 2.0);
+            let worth = Worth::new(&truths, &runs, 1, 2.0);
             let (bias, noise) = (0.05_f64.powi(2) / 4.0, 0.3_f64.powi(2) / 4.0);
             assert!((worth.bias - bias).abs() < 4.0 * worth.doubt, "{worth:?} {bias}");
             assert!(worth.doubt < 0.7 * bias && (worth.noise / noise - 1.0).abs() < 0.05, "{worth:?}");
+            assert!(
+                (worth.lasting / worth.bias - 1.0).abs() < 1e-9,
+                "without streams all that lasts is bias: {worth:?}"
+            );
         }
+        // Photons of four streams add a deviation of .1 that passes of a stream share: of many passes a quarter of its square is left.
+        let run = |n: u32| {
+            let of_stream = |i| 0.1 * normal(&[100 + n % 4, i]);
+            (0..20_000).map(|i| pixel([10 + n, i], 2.05, 0.3).map(|value| value + of_stream(i))).collect()
+        };
+        let runs: Vec<Vec<[f64; 3]>> = (0..40).map(run).collect();
+        let worth = Worth::new(&truths, &runs, 4, 2.0);
+        let (bias, photons) = (0.05_f64.powi(2) / 4.0, 0.1_f64.powi(2) / 4.0);
+        assert!((worth.bias - bias).abs() < 4.0 * worth.doubt, "{worth:?} {bias}");
+        // Of 40 x 39 pairs 4 x 10 x 9 are of one stream.
+        let lasting = bias + photons * 360.0 / 1560.0;
+        assert!((worth.lasting - lasting).abs() < 4.0 * worth.doubt, "{worth:?} {lasting}");
     }
 }
