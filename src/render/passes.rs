@@ -284,12 +284,12 @@ impl<'s> Prepared<'s> {
         Selection { at: at.to_vec(), segments }
     }
 
-    /// Renders single pixels, each as [`Self::pass`] alone with this seed would if points shared no light.
+    /// Renders single pixels, each as [`Self::pass`] would if points shared no light.
     ///
     /// # Errors
     /// Cancelled work.
-    pub fn pixels(&self, selection: &Selection, seed: u32, progress: &dyn Progress) -> Result<Pixels, RenderError> {
-        let frame = Frame { pass: Pass::alone(seed), ..Frame::new(&self.lighting) };
+    pub fn pixels(&self, selection: &Selection, pass: Pass, progress: &dyn Progress) -> Result<Pixels, RenderError> {
+        let frame = Frame { pass, ..Frame::new(&self.lighting) };
         let tiles: Option<Vec<Tile>> = selection
             .at
             .par_iter()

@@ -156,7 +156,8 @@ impl Job<'_> {
                     let found = found.sum::<f64>() / (choosing.len().max(1) as f64 * looked.level.powi(2));
                     // A few pixels tell little of the noise; passes tell it all over the picture.
                     let noise = mean.variance().map(|variance| variance / looked.level.powi(2));
-                    let square = noise.map_or(found, |noise| found.max(noise + trial.worth.bias));
+                    let bias = (trial.worth.bias - trial.worth.doubt).max(0.0);
+                    let square = noise.map_or(found, |noise| noise + bias);
                     let noise = noise.unwrap_or(trial.worth.noise);
                     // More passes help against noise only.
                     let enough = square <= (AIM * error).powi(2);

@@ -7,7 +7,7 @@
 use super::Job;
 use crate::fragment;
 use crate::hash::{hash, unit};
-use crate::render::RenderError;
+use crate::render::{Pass, RenderError};
 
 /// Purposes of random numbers.
 const LOOK: u32 = 0x4C4F_4F4B;
@@ -48,7 +48,7 @@ impl Job<'_> {
         let place = |pixel: usize| [window.min[0] + (pixel % width) as u32, window.min[1] + (pixel / width) as u32];
         let some: Vec<[u32; 2]> = (0..count).map(|n| place(number(n))).collect();
         progress.stage("looking for pixels", count as u64);
-        let looked = prepared.pixels(&prepared.select(&some), hash(&[LOOK, seed]), progress)?;
+        let looked = prepared.pixels(&prepared.select(&some), Pass::alone(hash(&[LOOK, seed])), progress)?;
         let photons = prepared.into_photons();
         self.streams.put_first(photons);
         let light = some.into_iter().zip(looked.pixels).filter(|(_, pixel)| pixel.alpha > 0.0);

@@ -7,7 +7,7 @@ use super::settings::work;
 use super::worth::{AIM, MOST_PASSES, Trial, Worth, least, total};
 use super::{Goal, Job, KNOB};
 use crate::hash::hash;
-use crate::render::RenderError;
+use crate::render::{Pass, RenderError};
 
 /// Purpose of random numbers.
 const TRIAL: u32 = 0x5452_4941;
@@ -21,7 +21,7 @@ const SHARE: f64 = 0.05;
 const MOST_RUNS: usize = 400;
 
 /// The coarsest place of the knob that is tried first, by the error asked for: below each of these errors the next one.
-const FIRST: [f64; 4] = [0.1, 0.04, 0.015, 0.007];
+const FIRST: [f64; 3] = [0.1, 0.04, 0.015];
 
 /// Settings that reach the error with fewer passes are not held against finer ones: a pass of those takes more than all of these.
 const FEW: u32 = 3;
@@ -101,7 +101,8 @@ impl Job<'_> {
         let (mut runs, mut counted): (Vec<Vec<[f64; 3]>>, f64) = (Vec::new(), 0.0);
         let (worth, scale) = loop {
             streams.turn(&mut prepared, seed, runs.len() as u32, progress)?;
-            let found = prepared.pixels(pixels, hash(&[TRIAL, seed, runs.len() as u32]), progress)?;
+            let pass = Pass::alone(hash(&[TRIAL, seed, runs.len() as u32]));
+            let found = prepared.pixels(pixels, pass, progress)?;
             counted += work(&prepared, &found);
             runs.push(found.pixels.iter().map(|pixel| pixel.beauty.as_dvec3().to_array()).collect());
             if runs.len() < 2 * streams.count() {
@@ -139,8 +140,8 @@ impl Job<'_> {
                 // None: what errs least in its bias, in passes that hardly add to it.
                 return best.map_or_else(
                     || {
-                        let least = *least(trials, |trial| trial.worth.lasting);
-                        (least, least.passes(square.max(1.1 * least.worth.lasting)).unwrap_or(64))
+                        let least = *least(trials, |trial| trial.worth.shown());
+                        (least, least.passes(square.max(1.1 * least.worth.shown())).unwrap_or(64))
                     },
                     |(trial, passes)| (*trial, passes),
                 );
@@ -152,7 +153,7 @@ impl Job<'_> {
         if possible.is_empty() {
             return (*least(trials, |trial| trial.work), 1);
         }
-        let best = *least(&possible, |trial| trial.worth.lasting + trial.worth.noise / passes(trial).max(1.0));
+        let best = *least(&possible, |trial| trial.worth.shown() + trial.worth.noise / passes(trial).max(1.0));
         (best, passes(&best).min(f64::from(MOST_PASSES)) as u32)
     }
 }

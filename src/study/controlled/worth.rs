@@ -96,10 +96,17 @@ impl Worth {
     }
 }
 
+impl Worth {
+    /// What lasts, as far as it is shown to be there: doubts about the references rule no settings out, since other pixels judge the picture.
+    pub fn shown(&self) -> f64 {
+        (self.lasting - self.doubt).max(0.0)
+    }
+}
+
 impl Trial {
     /// Passes for a mean square error; none where what lasts alone is more.
     pub fn passes(&self, square: f64) -> Option<u32> {
-        let room = square - self.worth.lasting;
+        let room = square - self.worth.shown();
         let passes = (self.worth.noise / room).ceil().max(1.0);
         (room > 0.0 && passes <= f64::from(MOST_PASSES)).then_some(passes as u32)
     }
