@@ -8,6 +8,7 @@ use glam::Vec3;
 use tress::hair::{Attribute, Strands, formats::write_hair};
 use tress::render::memory::{Work, estimate};
 use tress::scene;
+use tress::study::controlled::Goal;
 
 const TRESS: &str = env!("CARGO_BIN_EXE_tress");
 
@@ -75,6 +76,24 @@ fn limits_are_read_strictly_and_may_be_lifted() {
         let (found, text) = tress(folder.path(), 4, &format!("check a.toml --memory-limit={limit}"));
         assert_eq!(found, Some(code), "{limit}: {text}");
     }
+}
+
+#[test]
+fn renders_to_a_small_error_hold_more_photons() {
+    let folder = tempfile::tempdir().unwrap();
+    let lit = with_hair("grow = { on = 'ball', count = 100 }")
+        + "[[light.point]]\nposition = [2, 2, 2]\nintensity = [5, 5, 5]\n[indirect]\nphotons = 2000000\n";
+    fs::write(folder.path().join("a.toml"), lit).unwrap();
+    let document = scene::load(&folder.path().join("a.toml"), &[]).unwrap();
+    let sets = [Goal::Error(0.005), Goal::Error(0.05), Goal::Time(60.0)].map(Goal::photon_sets);
+    assert_eq!(sets, [12, 3, 3], "three pictures, in four streams for errors below .01");
+    let of = |photon_sets| estimate(&document, Work::RenderTo { window: None, threads: 2, photon_sets }).bytes();
+    assert_eq!(of(1), estimate(&document, Work::Render { window: None, threads: 2 }).bytes());
+    // Six million arrivals of 60 bytes each are kept of a set.
+    assert_eq!(of(12) - of(3), 9 * 6_000_000 * 60);
+    let (code, text) = tress(folder.path(), 16, "render a.toml -o a.exr --max-error 0.005 --memory-limit 3GiB");
+    assert_eq!(code, Some(3), "{text}");
+    assert!(text.contains("most of it by the map of 2000000 photons"), "{text}");
 }
 
 /// Straight hair on a disc.

@@ -114,7 +114,11 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
     for &frame in frames {
         let numbered = frames.len() > 1;
         let document = request.document.at_frame(frame);
-        let work = Work::Render { window: window(request.crop, &document)?, threads: thread_count(request.threads) };
+        let (window, threads) = (window(request.crop, &document)?, thread_count(request.threads));
+        let work = match request.goal {
+            Some(goal) => Work::RenderTo { window, threads, photon_sets: goal.photon_sets() },
+            None => Work::Render { window, threads },
+        };
         memory.check(&document, work)?;
         reports.push(render_frame(&request, frame, document, &reporter, verbosity, numbered)?);
         if let Some(path) = &request.stats {

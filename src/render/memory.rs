@@ -66,6 +66,8 @@ pub enum Work {
     Crosscheck { window: Option<PixelRect>, threads: usize },
     /// It is rendered, all pixels or those of a window.
     Render { window: Option<PixelRect>, threads: usize },
+    /// The same to an error or a time, with so many sets of photons in all.
+    RenderTo { window: Option<PixelRect>, threads: usize, photon_sets: u64 },
 }
 
 /// Something that takes memory.
@@ -138,12 +140,13 @@ pub fn amount(bytes: u64) -> String {
 pub fn estimate(document: &Document, work: Work) -> Estimate {
     let counts = Counts::of(document);
     let loading = counts.loading(work);
-    let (window, threads, film) = match work {
+    let (window, threads, film, photon_sets) = match work {
         Work::Check | Work::Grow => return loading,
-        Work::Crosscheck { window, threads } => (window, threads, false),
-        Work::Render { window, threads } => (window, threads, true),
+        Work::Crosscheck { window, threads } => (window, threads, false, 1),
+        Work::Render { window, threads } => (window, threads, true, 1),
+        Work::RenderTo { window, threads, photon_sets } => (window, threads, true, photon_sets),
     };
-    let rendering = counts.rendering(document, window, threads, film);
+    let rendering = counts.rendering(document, window, threads, film, photon_sets);
     if loading.bytes() > rendering.bytes() { loading } else { rendering }
 }
 
@@ -237,8 +240,17 @@ impl Counts {
     }
 
     /// While it is rendered: the model, the structures over it, the film and the pixels of finished tiles.
-    fn rendering(&self, document: &Document, window: Option<PixelRect>, threads: usize, film: bool) -> Estimate {
+    fn rendering(
+        &self,
+        document: &Document,
+        window: Option<PixelRect>,
+        threads: usize,
+        film: bool,
+        photon_sets: u64,
+    ) -> Estimate {
         let description = &document.description;
+        // A finished map is less than half of what building it takes.
+        let all_sets = |building: u64| building + (photon_sets - 1) * building / 2;
         let (mode, points) = (description.occlusion.mode, self.points());
         let mut sum = Estimate::default();
         sum.add("the program itself", PROGRAM + THREAD * threads as u64);
@@ -275,7 +287,7 @@ impl Counts {
         if !self.surfaces.is_empty() && description.indirect.mode == IndirectMode::Photons {
             let photons = u64::from(description.indirect.photons);
             let kept = (PHOTON_ARRIVALS * photons).min(photon::MOST as u64);
-            sum.add(format!("the map of {photons} photons"), PHOTON * kept);
+            sum.add(format!("the map of {photons} photons"), all_sets(PHOTON * kept));
         }
         let [width, height] = description.camera.resolution.map(f64::from);
         let shares =
@@ -291,7 +303,7 @@ impl Counts {
             let beams = if points > 0 { photons.min(photon::MOST_BEAMS as u64) } else { 0 };
             sum.add(
                 format!("the map of {photons} photons of caustics"),
-                PHOTON * kept + BEAM * beams + MARK * (8 * beams).min(photon::MOST_BEAMS as u64),
+                all_sets(PHOTON * kept + BEAM * beams + MARK * (8 * beams).min(photon::MOST_BEAMS as u64)),
             );
         }
         let [width, height] = description.camera.resolution;

@@ -43,6 +43,22 @@ pub enum Goal {
     Time(f64),
 }
 
+impl Goal {
+    /// How many sets of photons a render has in memory: the picture's and those of both halves of the references.
+    #[must_use]
+    pub fn photon_sets(self) -> u64 {
+        3 * Streams::new(self.error()).count() as u64
+    }
+
+    /// The error that is asked for, if one is.
+    fn error(self) -> Option<f64> {
+        match self {
+            Self::Error(error) => Some(error),
+            Self::Time(_) => None,
+        }
+    }
+}
+
 /// Renders a scene to an error or a time. The scene comes back without its surfaces and with the settings that were chosen.
 ///
 /// # Errors
@@ -56,10 +72,7 @@ pub fn render_to(
     with_threads(options.threads, || {
         let surfaces = scene.surfaces.clone();
         let given = scene.document.description.clone();
-        let streams = Streams::new(match goal {
-            Goal::Error(error) => Some(error),
-            Goal::Time(_) => None,
-        });
+        let streams = Streams::new(goal.error());
         Job { scene, surfaces, given, goal, options, progress, begin: Instant::now(), streams }.run()
     })?
 }
@@ -101,20 +114,12 @@ impl Job<'_> {
         let mut description = self.given.clone();
         match KNOB.get(place) {
             Some((_, values)) => set(&mut description, values),
-            None => set_truth(&mut description, self.error()),
+            None => set_truth(&mut description, self.goal.error()),
         }
         description.sampling.seed = seed;
         self.scene.document.description = description;
         self.scene.surfaces = self.surfaces.clone();
         Prepared::with_photons(self.scene, self.options, photons, self.progress)
-    }
-
-    /// The error that is asked for, if one is.
-    fn error(&self) -> Option<f64> {
-        match self.goal {
-            Goal::Error(error) => Some(error),
-            Goal::Time(_) => None,
-        }
     }
 
     fn elapsed(&self) -> f64 {

@@ -25,7 +25,7 @@ impl Job<'_> {
         let square = bias.value.powi(2) + noise.square;
         let low = square - (bias.value.powi(2) - bias.low.unwrap_or(0.0).powi(2)).hypot(noise.reach);
         let high = square + (bias.high.unwrap_or(1.0).powi(2) - bias.value.powi(2)).hypot(noise.reach);
-        let asked = self.error();
+        let asked = self.goal.error();
         Some(Claim {
             asked,
             error: square.sqrt(),

@@ -47,7 +47,7 @@ impl Job<'_> {
         let mut pixels: Option<[Selection; 2]> = None;
         let mut halves = [0, 1].map(|half| Half {
             seed: hash(&[TRUTH, seed, half]),
-            photons: Streams::new(self.error()),
+            photons: Streams::new(self.goal.error()),
             rounds: [0; 2],
             means: [Vec::new(), Vec::new()],
         });
