@@ -5,8 +5,11 @@
 //! drawn. Each word of the key is absorbed into a 64-bit state by the finaliser of SplitMix64 in Stafford's variant 13
 //! (Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", 2014), a bijection with full avalanche.
 
-/// 2^64 divided by the golden ratio, odd: spreads small integers over all bits before they are mixed.
-const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
+/// 2^64 divided by the golden ratio, odd: spreads small integers over all bits before they are mixed; its multiples modulo 2^64 are evenly spread.
+pub const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// The same for words of 32 bits.
+pub const GOLDEN_32: u32 = (GOLDEN >> 32) as u32;
 
 /// A bijection of 64-bit words in which each input bit changes each output bit with probability one half.
 #[inline]

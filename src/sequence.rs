@@ -5,10 +5,8 @@
 //! so that n passes fill the circle, or the square, in steps of about 1/n. In each pass alone the number is as uniform and as independent of others as its
 //! hash is, so no pass is biased.
 
-use crate::hash::{to_unit, to_unit64};
+use crate::hash::{GOLDEN, to_unit, to_unit64};
 
-/// The golden ratio's fraction, times 2^64.
-const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 /// 1 / p and 1 / p² for the real root p of p³ = p + 1, times 2^32.
 const PLASTIC: [u32; 2] = [0xc13f_a9a9, 0x91e1_0da5];
 

@@ -7,7 +7,7 @@ use glam::{Vec3, Vec4};
 use super::{Igloo, Receiver, Transmittance, sobol};
 use crate::embree::{Crossing, CurveScene, Device, Error, PACKET};
 use crate::hair::{HairModel, OnStrand};
-use crate::hash::hash;
+use crate::hash::{GOLDEN_32, hash};
 
 /// Hair that rays can cross.
 ///
@@ -35,8 +35,6 @@ const OPAQUE: u32 = u32::MAX;
 
 /// Keeps these random numbers apart from those of other purposes.
 const PURPOSE: u32 = 0x4741_4D41;
-/// 2^32 divided by the golden ratio: its multiples modulo 2^32 are evenly spread.
-const GOLDEN: u32 = 0x9e37_79b9;
 
 /// A receiver's crossings of hair along a ray.
 #[derive(Clone, Copy, Debug)]
@@ -274,7 +272,7 @@ impl HairRays {
         let excluded = self.exclusion(model, receiver.on);
         let shift = hash(&[PURPOSE, key]);
         // Golden steps through all rays in the order of the faces: neighbours get numbers far apart.
-        let chance = |ray: u32| (f64::from(ray.wrapping_mul(GOLDEN).wrapping_add(shift)) + 1.0) / 4_294_967_296.0;
+        let chance = |ray: u32| (f64::from(ray.wrapping_mul(GOLDEN_32).wrapping_add(shift)) + 1.0) / 4_294_967_296.0;
         let (share, least) = match settings.crossings {
             Crossings::Multiply { residual } => (f64::from(residual), 0.0),
             Crossings::Stochastic { roulette } => (f64::from(roulette), roulette),

@@ -25,7 +25,7 @@ use super::shadows::{HairShadow, HairShadows, Made};
 use crate::effects::{ABSENT, Effects};
 use crate::embree::Device;
 use crate::hair::{OnStrand, StrandSample};
-use crate::hash::hash;
+use crate::hash::{GOLDEN_32, hash};
 use crate::illumination::lights::Incident;
 use crate::illumination::{Environment, Illumination};
 use crate::occlusion::{Crossings, HairRays, Igloo, Receiver, Span, frame_around, raytraced};
@@ -43,8 +43,6 @@ const FACE: u32 = 0x4641_4345;
 const MET: u32 = 0x4D45_5421;
 /// Purpose of the random numbers that end rays to area lights and sources in hair.
 const TOWARD: u32 = 0x544F_5744;
-/// 2^32 divided by the golden ratio: its multiples modulo 2^32 are evenly spread.
-const GOLDEN: u32 = 0x9e37_79b9;
 
 /// Light of a point, by layer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -463,7 +461,7 @@ impl<'s> Lighting<'s> {
             samples.set(samples.get() + 1);
             let free = reflect(toward) * irradiance;
             // Golden steps through all samples: neighbours get numbers far apart.
-            ray = ray.wrapping_add(GOLDEN);
+            ray = ray.wrapping_add(GOLDEN_32);
             if free == Vec3::ZERO || !self.light.sees(origin(toward), toward, distance) {
                 return;
             }

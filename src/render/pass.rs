@@ -51,12 +51,6 @@ pub struct PointKey {
 }
 
 impl PointKey {
-    /// Of a point that no pass of a stream meets again.
-    #[must_use]
-    pub fn alone(own: u32) -> Self {
-        Self { own, sequence: Sequence::start(own) }
-    }
-
     /// One that is told from others of the same point by a purpose and a number.
     #[must_use]
     pub fn part(self, purpose: u32, number: u32) -> Self {

@@ -16,6 +16,7 @@ use self::settings::{set, set_truth};
 use self::streams::Streams;
 use self::worth::{AIM, MOST_PASSES, Trial, Truth};
 use super::accuracy::settings::KNOB;
+use crate::fragment::PixelRect;
 use crate::render::progress::Progress;
 use crate::render::statistics::Watch;
 use crate::render::{Film, Mean, Options, Pass, Photons, Prepared, RenderError, Statistics, with_threads};
@@ -103,14 +104,8 @@ impl Job<'_> {
         Ok((film, statistics))
     }
 
-    /// The scene at a place of the knob, its surfaces back, with the picture's first photons: who has done with it gives them back.
-    fn prepare(&mut self, place: usize) -> Result<Prepared<'_>, RenderError> {
-        let photons = self.streams.first();
-        self.prepare_with(place, self.given.sampling.seed, photons)
-    }
-
-    /// The same with another seed, and photons of that.
-    fn prepare_with(&mut self, place: usize, seed: u32, photons: Option<Photons>) -> Result<Prepared<'_>, RenderError> {
+    /// The scene at a place of the knob with a seed, its surfaces back, and with photons of that seed, if they were traced before: who has done with them puts them back.
+    fn prepare(&mut self, place: usize, seed: u32, photons: Option<Photons>) -> Result<Prepared<'_>, RenderError> {
         let mut description = self.given.clone();
         match KNOB.get(place) {
             Some((_, values)) => set(&mut description, values),
@@ -136,7 +131,7 @@ impl Job<'_> {
     ) -> Result<(Film, Statistics), RenderError> {
         let (seed, progress, goal, begin) = (self.given.sampling.seed, self.progress, self.goal, self.begin);
         let mut streams = std::mem::take(&mut self.streams);
-        let mut prepared = self.prepare_with(trial.place, seed, streams.first())?;
+        let mut prepared = self.prepare(trial.place, seed, streams.first())?;
         let stage = watch.stage("calibrating");
         let window = prepared.window();
         let mut mean = Mean::new(prepared.pass(Pass::of(seed, 0), progress)?);
@@ -154,16 +149,11 @@ impl Job<'_> {
                     }
                 }
                 Goal::Error(error) if done >= most => {
-                    let found = choosing.iter().map(|truth| {
-                        let value = mean.beauty(window.index(truth.at)).as_dvec3().to_array();
-                        truth.weight * (truth.product(value, value) - truth.variance())
-                    });
-                    let found = found.sum::<f64>() / (choosing.len().max(1) as f64 * looked.level.powi(2));
-                    // A few pixels tell little of the noise; passes tell it all over the picture.
-                    let noise = mean.variance().map(|variance| variance / looked.level.powi(2));
-                    let bias = (trial.worth.bias - trial.worth.doubt).max(0.0);
-                    let square = noise.map_or(found, |noise| noise + bias);
-                    let noise = noise.unwrap_or(trial.worth.noise);
+                    // A few pixels tell little of the noise; passes tell it all over the picture, if there is more than one.
+                    let (square, noise) = match mean.variance().map(|variance| variance / looked.level.powi(2)) {
+                        Some(noise) => (noise + trial.worth.shown_bias(), noise),
+                        None => (error_at(choosing, &mean, &window, looked.level), trial.worth.noise),
+                    };
                     // More passes help against noise only.
                     let enough = square <= (AIM * error).powi(2);
                     if enough || noise < 0.1 * square || done >= MOST_PASSES || done >= 32 * planned {
@@ -184,4 +174,13 @@ impl Job<'_> {
         statistics.stages.insert(0, stage);
         Ok((film, statistics))
     }
+}
+
+/// Mean square error of a picture at the pixels of references, as a share of the squared level.
+fn error_at(truths: &[Truth], mean: &Mean, window: &PixelRect, level: f64) -> f64 {
+    let squares = truths.iter().map(|truth| {
+        let value = mean.beauty(window.index(truth.at)).as_dvec3().to_array();
+        truth.weight * (truth.product(value, value) - truth.variance())
+    });
+    squares.sum::<f64>() / (truths.len().max(1) as f64 * level.powi(2))
 }

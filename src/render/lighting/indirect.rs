@@ -105,8 +105,7 @@ impl Lighting<'_> {
         seed: u32,
         progress: &dyn Progress,
     ) -> Result<Photons, RenderError> {
-        let (reflected, caustics) = self.light.take_maps();
-        let taken = Photons { reflected, caustics, built: Vec::new(), name: Photons::name(self.scene, &self.effects) };
+        let taken = Photons { built: Vec::new(), ..self.take_photons() };
         match photons {
             Some(photons) => self.set_photons(photons),
             None => self.trace_photons(seed, progress)?,

@@ -36,7 +36,8 @@ impl Job<'_> {
     /// Looks at the picture, or at pixels all over it.
     pub(super) fn look(&mut self) -> Result<Looked, RenderError> {
         let (seed, progress) = (self.given.sampling.seed, self.progress);
-        let prepared = self.prepare(0)?;
+        let photons = self.streams.first();
+        let prepared = self.prepare(0, seed, photons)?;
         let window = prepared.window();
         let [width, height] = [0, 1].map(|i| (window.max[i] - window.min[i]) as usize);
         // One in each of as many runs of pixels, all of them in a small picture.

@@ -16,7 +16,7 @@ const TRUTH: u32 = 0x5452_5554;
 const NOISE: f64 = 0.5;
 /// Rounds of a reference at the most.
 const MOST_ROUNDS: u32 = 128;
-/// So many times the rounds before it is looked at their noise again.
+/// Rounds grow at most so many times before their noise is looked at again.
 const STEP: u32 = 4;
 
 /// Share of a time for the references of both sets.
@@ -99,7 +99,7 @@ impl Job<'_> {
         shares: [f64; 2],
     ) -> Result<(), RenderError> {
         let (progress, goal, begin) = (self.progress, self.goal, self.begin);
-        let mut prepared = self.prepare_with(KNOB.len(), half.seed, half.photons.first())?;
+        let mut prepared = self.prepare(KNOB.len(), half.seed, half.photons.first())?;
         let places = |drawn: &Vec<Drawn>| drawn.iter().map(|drawn| drawn.at).collect::<Vec<_>>();
         let pixels = pixels.get_or_insert_with(|| [0, 1].map(|set| prepared.select(&places(&drawn[set]))));
         let left = [0, 1].map(|set| u64::from(until[set] - half.rounds[set]) * pixels[set].len() as u64);

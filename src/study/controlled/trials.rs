@@ -91,7 +91,7 @@ impl Job<'_> {
         let (seed, progress, goal) = (self.given.sampling.seed, self.progress, self.goal);
         let begin = Instant::now();
         let mut streams = std::mem::take(&mut self.streams);
-        let mut prepared = self.prepare_with(place, seed, streams.first())?;
+        let mut prepared = self.prepare(place, seed, streams.first())?;
         let before = begin.elapsed().as_secs_f64();
         progress.stage("trying settings", 0);
         let Judges { pixels, truths } = judges;

@@ -65,8 +65,7 @@ impl Worth {
         let count = runs.len() as f64;
         // Without streams each run is one of its own.
         let streams = if streams > 1 { streams } else { runs.len() };
-        let alike: f64 =
-            (0..streams).map(|stream| (runs.len() - stream.min(runs.len())).div_ceil(streams).pow(2) as f64).sum();
+        let alike: f64 = (0..streams).map(|stream| (runs.len() - stream).div_ceil(streams).pow(2) as f64).sum();
         let (mut sum, mut squares, mut lasting, mut noise) = (0.0, 0.0, 0.0, 0.0);
         let level2 = level * level;
         for (index, truth) in truths.iter().enumerate() {
@@ -94,12 +93,19 @@ impl Worth {
             noise: noise / n / level2,
         }
     }
-}
 
-impl Worth {
     /// What lasts, as far as it is shown to be there: doubts about the references rule no settings out, since other pixels judge the picture.
     pub fn shown(&self) -> f64 {
-        (self.lasting - self.doubt).max(0.0)
+        self.beyond_doubt(self.lasting)
+    }
+
+    /// The bias alone, as far as it is shown.
+    pub fn shown_bias(&self) -> f64 {
+        self.beyond_doubt(self.bias)
+    }
+
+    fn beyond_doubt(&self, square: f64) -> f64 {
+        (square - self.doubt).max(0.0)
     }
 }
 
