@@ -132,6 +132,16 @@ fn error_and_cost_are_layers() {
         exr.pixels.chunks_exact(exr.channels.len()).map(|pixel| f64::from(pixel[channel])).sum()
     };
     assert!(sum("standard-error.R") > 0.0 && sum("cost.Y") > 0.0);
+    // A picture that one pass would be enough for has two, where they are to tell its noise.
+    let arguments = ["render", "scene.toml", "-o", "c.exr", "--set", layers, "--max-error", "0.9", "--stats", "c.json"];
+    let (code, _, said) = tress(folder.path(), &arguments);
+    assert_eq!(code, Some(0), "{said}");
+    let statistics: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("c.json")).expect("a file")).expect("JSON");
+    assert_eq!(statistics[0]["passes"], 2);
+    let exr = image::read(&folder.path().join("c.exr"), &image::Limits::default()).expect("an EXR file");
+    let channel = exr.channel("standard-error.R").expect("a channel");
+    assert!(exr.pixels.chunks_exact(exr.channels.len()).any(|pixel| pixel[channel] > 0.0));
     let wrong = ["render", "scene.toml", "-o", "b.exr", "--set", layers, "--set", "sampling.passes=1"];
     let (code, _, said) = tress(folder.path(), &wrong);
     assert!(code == Some(3) && said.contains("sampling.passes"), "{said}");

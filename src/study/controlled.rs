@@ -21,7 +21,7 @@ use crate::render::progress::Progress;
 use crate::render::statistics::Watch;
 use crate::render::{Film, Mean, Options, Pass, Photons, Prepared, RenderError, Statistics, with_threads};
 use crate::scene::Scene;
-use crate::scene::description::Description;
+use crate::scene::description::{Description, Layer};
 use crate::surface::SurfaceModel;
 
 /// Passes from which on it is asked whether they are enough, however many were planned: they may be worth more together than one by one.
@@ -130,12 +130,14 @@ impl Job<'_> {
         watch: &Watch,
     ) -> Result<(Film, Statistics), RenderError> {
         let (seed, progress, goal, begin) = (self.given.sampling.seed, self.progress, self.goal, self.begin);
+        // A standard error takes two.
+        let least = if self.given.output.layers.contains(&Layer::StandardError) { 2 } else { 1 };
         let mut streams = std::mem::take(&mut self.streams);
         let mut prepared = self.prepare(trial.place, seed, streams.first())?;
         let stage = watch.stage("calibrating");
         let window = prepared.window();
         let mut mean = Mean::new(prepared.pass(Pass::of(seed, 0), progress)?);
-        let mut most = planned.min(FIRST_LOOK);
+        let mut most = planned.min(FIRST_LOOK).max(least);
         let mut done = 1;
         loop {
             let begun = begin.elapsed().as_secs_f64();
@@ -144,7 +146,7 @@ impl Job<'_> {
                     // Another pass takes as long as those before it.
                     let each = prepared.statistics().stages.iter().find(|stage| stage.name == "rendering");
                     let each = each.map_or(0.0, |stage| stage.seconds / f64::from(done));
-                    if begun + each > time || done >= MOST_PASSES {
+                    if done >= least && (begun + each > time || done >= MOST_PASSES) {
                         break;
                     }
                 }
