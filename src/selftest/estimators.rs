@@ -3,6 +3,10 @@
 //! What is bounded is the method's error at fine settings, not only rounding: faces and cells are wider than strands, and hair counts as
 //! evenly spread in them. The truth is 40,000 directions of Fibonacci's lattice, good to some 1e-3 on these models.
 
+use std::sync::LazyLock;
+
+use rayon::prelude::*;
+
 use super::hard::{self, Hard};
 use super::{Error, Measured, Outcome, truth};
 use crate::embree::Device;
@@ -65,6 +69,15 @@ pub struct Ways<'m> {
 const FACES: u32 = 400;
 const SIDE: u32 = 64;
 
+/// Igloos of a sphere and of a hemisphere, with the clusters' maps of them.
+static IGLOOS: LazyLock<[(Igloo, DepthMap); 2]> = LazyLock::new(|| {
+    [Span::Sphere, Span::Hemisphere].map(|span| {
+        let igloo = Igloo::new(span, FACES);
+        let map = DepthMap::new(&igloo, SIDE);
+        (igloo, map)
+    })
+});
+
 impl<'m> Ways<'m> {
     /// # Errors
     /// Embree's own.
@@ -76,7 +89,7 @@ impl<'m> Ways<'m> {
 
     /// Γ̄ of each face.
     pub fn faces(&self, way: Way, receiver: &Receiver, span: Span, instructions: Option<Instructions>) -> Vec<f32> {
-        let igloo = Igloo::new(span, FACES);
+        let (igloo, map) = &IGLOOS[usize::from(span == Span::Hemisphere)];
         let far = vec![f32::INFINITY; igloo.len()];
         let mut gamma = vec![0.0; igloo.len()];
         match way {
@@ -86,28 +99,18 @@ impl<'m> Ways<'m> {
                     _ => Thinning { fraction: 1.0, distance_unit: 0.5 },
                 };
                 let (on, mut pieces) = (Projection::Sphere, Vec::new());
-                self.segments.optical_depths(
-                    receiver,
-                    &igloo,
-                    &thinning,
-                    on,
-                    &far,
-                    &mut gamma,
-                    self.model,
-                    &mut pieces,
-                );
+                self.segments.optical_depths(receiver, igloo, &thinning, on, &far, &mut gamma, self.model, &mut pieces);
                 layer::transmittances(&mut gamma);
             }
             Way::Clusters => {
-                let map = DepthMap::new(&igloo, SIDE);
                 let best = Instructions::available()[0];
                 let mut scratch = Scratch::with_instructions(instructions.unwrap_or(best));
                 let opening = 1.2 * map.cell_width();
-                self.tree.transmittances(self.model, receiver, &map, opening, None, &mut gamma, &mut scratch);
+                self.tree.transmittances(self.model, receiver, map, opening, None, &mut gamma, &mut scratch);
             }
             Way::Rays => {
                 let settings = RaySettings::exact(8 * igloo.len() as u32);
-                self.rays.transmittances(self.model, receiver, &igloo, &settings, &far, 7, &mut gamma);
+                self.rays.transmittances(self.model, receiver, igloo, &settings, &far, 7, &mut gamma);
             }
         }
         gamma
@@ -151,15 +154,15 @@ pub fn case(hard: &Hard, directions: u32) -> Result<Vec<(Way, Measured)>, Error>
 /// # Errors
 /// Embree's own.
 pub fn against_truth(directions: u32) -> Result<Vec<Outcome>, Error> {
-    let mut outcomes = Vec::new();
-    for hard in hard::all() {
-        for (way, measured) in case(&hard, directions)? {
-            let mut outcome = Outcome::one(format!("Γ, {}: {}", hard.name, way.name()), measured);
-            outcome.cases = hard.receivers.len() as u32;
-            outcomes.push(outcome);
-        }
-    }
-    Ok(outcomes)
+    let of_case = |hard: Hard| -> Result<Vec<Outcome>, Error> {
+        let outcome = |(way, measured): (Way, Measured)| {
+            let name = format!("Γ, {}: {}", hard.name, way.name());
+            Outcome { cases: hard.receivers.len() as u32, ..Outcome::one(name, measured) }
+        };
+        Ok(case(&hard, directions)?.into_iter().map(outcome).collect())
+    };
+    let outcomes: Vec<Vec<Outcome>> = hard::all().into_par_iter().map(of_case).collect::<Result<_, _>>()?;
+    Ok(outcomes.concat())
 }
 
 /// The cases of `tress selftest`.
@@ -180,8 +183,8 @@ pub fn quick() -> Result<Vec<Outcome>, Error> {
 /// # Errors
 /// Embree's own.
 pub fn brighter() -> Result<Measured, Error> {
-    let mut worst = Measured { error: 0.0, bound: super::U32 };
-    for (key, hard) in hard::all().iter().enumerate() {
+    let of_case = |(key, hard): (usize, &Hard)| -> Result<Measured, Error> {
+        let mut worst = Measured { error: 0.0, bound: super::U32 };
         // Thousands of layers are summed in another order by no estimator but the tree.
         let more = hard::with_another(hard, key as u32);
         let (before, after) = (Ways::new(&hard.model)?, Ways::new(&more)?);
@@ -197,6 +200,8 @@ pub fn brighter() -> Result<Measured, Error> {
                 });
             }
         }
-    }
-    Ok(worst)
+        Ok(worst)
+    };
+    let of_cases = hard::all().par_iter().enumerate().map(of_case).collect::<Result<Vec<_>, _>>()?;
+    Ok(of_cases.into_iter().fold(Measured { error: 0.0, bound: super::U32 }, Measured::worse))
 }

@@ -1,6 +1,7 @@
 //! F and the lights of Λ: along the tangent, at grazing angles, at the light itself, and from 1e-20 to 1e20.
 
 use std::f64::consts::PI;
+use std::sync::LazyLock;
 
 use glam::Vec3;
 
@@ -23,8 +24,9 @@ fn diffuse(draw: &mut Draw) -> Measured {
     let tilt = draw.pick(&[0.0, 1e-8, 1e-6, 1e-3, 1.0]);
     let incoming =
         (tangent.as_dvec3() * draw.pick(&[-1.0, 1.0]) + tilt * draw.direction()).normalize_or(glam::DVec3::Y).as_vec3();
-    let highlight = Highlight::new(20.0);
-    let hair = KajiyaKay::new(tangent, -incoming, Vec3::ONE, Vec3::ZERO, &highlight);
+    // Without a highlight: its table is made once, not with each case.
+    static SHAPE: LazyLock<Highlight> = LazyLock::new(|| Highlight::new(20.0));
+    let hair = KajiyaKay::new(tangent, -incoming, Vec3::ONE, Vec3::ZERO, &SHAPE);
     let got = f64::from(hair.evaluate(incoming).x);
     let sine = tangent.as_dvec3().cross(incoming.as_dvec3()).length();
     let error = (got - sine / (PI * PI)).abs();
