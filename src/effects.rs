@@ -28,8 +28,8 @@ pub struct Effect {
     pub reason: String,
 }
 
-/// The plan for a scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The plan for a scene; by default nothing is on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Effects {
     /// There is hair.
     pub hair: bool,
@@ -397,38 +397,6 @@ const REASONS: [(EffectName, &str, &str, &str); 26] = [
 mod tests {
     use super::*;
 
-    /// An empty scene's plan: nothing is on.
-    fn none() -> Effects {
-        Effects {
-            hair: false,
-            surfaces: false,
-            environment: false,
-            small_sources: false,
-            area_lights: false,
-            point_lights: false,
-            spot_lights: false,
-            directional_lights: false,
-            raytraced_shadows: false,
-            deep_maps: false,
-            shadow_maps: false,
-            hair_shadows_on_hair: false,
-            hair_shadows_on_surfaces: false,
-            reflection: false,
-            photons: false,
-            specular: false,
-            caustics: false,
-            projected_occlusion: false,
-            raytraced_occlusion: false,
-            calibration: false,
-            hair_rays: false,
-            kajiya_kay: false,
-            highlight: false,
-            marschner: false,
-            color_variation: false,
-            unoccluded_layer: false,
-        }
-    }
-
     fn choice(with: &[EffectName], without: &[EffectName]) -> EffectChoice {
         EffectChoice { forced: with.to_vec(), without: without.to_vec() }
     }
@@ -436,7 +404,7 @@ mod tests {
     #[test]
     fn what_is_left_out_says_so_and_nothing_else_does() {
         let left_out = |without: &[EffectName]| {
-            let list = none().list(&choice(&[], without)).into_iter();
+            let list = Effects::default().list(&choice(&[], without)).into_iter();
             list.filter(|effect| effect.reason.contains("effects.without"))
                 .map(|effect| effect.name)
                 .collect::<Vec<_>>()
@@ -446,7 +414,7 @@ mod tests {
         assert_eq!(left_out(&[EffectName::PointAndDirectionalLights]), lamps);
         assert_eq!(left_out(&[EffectName::HairOcclusion]), ["hair occlusion by projection", "hair occlusion by rays"]);
         assert_eq!(left_out(&[EffectName::Hair]), ["hair"]);
-        let on = Effects { hair: true, ..none() };
+        let on = Effects { hair: true, ..Effects::default() };
         assert!(!on.list(&choice(&[], &[EffectName::Hair]))[0].reason.contains("without"));
     }
 
@@ -454,14 +422,14 @@ mod tests {
     fn what_is_forced_is_on_and_says_so() {
         for (index, &(key, ..)) in REASONS.iter().enumerate() {
             let forced = [key];
-            let list = none().list(&choice(&forced, &[]));
+            let list = Effects::default().list(&choice(&forced, &[]));
             let on: Vec<usize> = (0..list.len()).filter(|&i| list[i].on).collect();
             assert_eq!(on, [index], "{key}");
             assert!(list[index].forced && list[index].reason.starts_with("forced: "), "{:?}", list[index]);
             // The plan and what runs agree.
-            assert_eq!({ none().with(&forced) }.flag(key), Some(&mut true), "{key}");
+            assert_eq!({ Effects::default().with(&forced) }.flag(key), Some(&mut true), "{key}");
             // What the scene calls for is not forced.
-            let called_for = none().with(&forced).list(&choice(&forced, &[]));
+            let called_for = Effects::default().with(&forced).list(&choice(&forced, &[]));
             assert!(called_for[index].on && !called_for[index].forced, "{key}");
         }
     }

@@ -10,6 +10,8 @@ use tress::hair::HairModel;
 use tress::hash::unit;
 use tress::occlusion::raytraced::Ray;
 use tress::occlusion::{HairRays, Transmittance};
+use tress::render::progress::Unwatched;
+use tress::render::{Earlier, Options, ShadowMaps, render_again};
 use tress::shadow::{Cone, DeepMap, Footing, MapError, Point, Settings, ShadowMap, View};
 
 use common::models::{self, Style, grow, yuksel_straight};
@@ -366,6 +368,43 @@ fn pictures_by_maps_and_by_rays_agree_and_nothing_more_is_built() {
     let (free, made, effects) = shaded("none");
     assert!(!effects.hair_rays && !effects.deep_maps && made.shadow_maps.is_empty());
     assert!(common::mean(&free) > 1.1 * common::mean(&rays));
+}
+
+/// Renders of one scene with other settings make a map once, say what it took all the same, and are the pictures that each would be alone.
+#[test]
+fn maps_are_made_once_for_renders_that_have_the_same() {
+    let deep = "light.spot[0].shadows=deep-map";
+    let mut scene = common::load(SHADED, &[deep]);
+    let (surfaces, mut maps) = (scene.surfaces.clone(), ShadowMaps::default());
+    let mut with = |set: &[&str]| {
+        let set = [&[deep], set].concat();
+        scene.set(common::load(SHADED, &set).document.description).expect("lights as before");
+        scene.surfaces = surfaces.clone();
+        let earlier = Earlier { photons: None, maps: &mut maps };
+        let (film, statistics) = render_again(&mut scene, &Options::default(), earlier, &Unwatched).expect("a picture");
+        assert!(film == common::whole(SHADED, &set).0, "{set:?}");
+        let map = statistics.shadow_maps[0].clone();
+        let building = statistics.stages.iter().find(|stage| stage.name == "building").expect("a stage").cpu_seconds;
+        assert!(map.cpu_seconds > 0.0 && building >= 0.5 * map.cpu_seconds, "{building} {map:?}");
+        map.reused
+    };
+    assert!(!with(&[]) && with(&["sampling.layers=9"]) && with(&["sampling.seed=3"]));
+    assert!(!with(&["light.spot[0].map_error=0.1"]) && with(&["light.spot[0].map_error=0.1"]), "another map");
+    assert!(!with(&["light.spot[0].map_resolution=64"]) && !with(&[]), "one map a light");
+    assert!(
+        !with(&["occlusion.transmittance=segment-length", "occlusion.unit_length=0.1"]),
+        "the hair lets other light through"
+    );
+}
+
+/// Other settings do not bring back what was left out.
+#[test]
+fn what_is_left_out_of_a_scene_stays_out_with_other_settings() {
+    let without = r#"effects.without=["light-reflected-by-surfaces", "spot-lights"]"#;
+    let mut scene = common::load(SHADED, &[without]);
+    scene.set(common::load(SHADED, &[without, "sampling.layers=9"]).document.description).expect("lights as before");
+    let effects = Effects::of(&scene);
+    assert!(!effects.reflection && scene.direct.is_empty() && scene.shadows.is_empty(), "{effects:?}");
 }
 
 #[test]

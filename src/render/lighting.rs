@@ -21,7 +21,7 @@ use super::lamp_lit::LampLit;
 use super::pass::PointKey;
 use super::progress::Progress;
 use super::reflections::Reflections;
-use super::shadows::{HairShadow, HairShadows, Made};
+use super::shadows::{HairShadow, HairShadows, Made, ShadowMaps};
 use crate::effects::{ABSENT, Effects};
 use crate::embree::Device;
 use crate::hair::{OnStrand, StrandSample};
@@ -123,7 +123,12 @@ impl<'s> Lighting<'s> {
     ///
     /// # Errors
     /// Embree's own, shadow maps that take too much memory, and cancelled work.
-    pub fn new(scene: &'s mut Scene, effects: Effects, progress: &dyn Progress) -> Result<Self, RenderError> {
+    pub fn new(
+        scene: &'s mut Scene,
+        effects: Effects,
+        maps: &mut ShadowMaps,
+        progress: &dyn Progress,
+    ) -> Result<Self, RenderError> {
         let device = Device::with_threads(rayon::current_num_threads())?;
         let called_for = effects;
         let effects = called_for.with(&scene.description().effects.forced);
@@ -142,7 +147,7 @@ impl<'s> Lighting<'s> {
         let hair_rays = effects.hair_rays.then(|| estimator::hair_rays(&device, scene)).transpose()?;
         let held = hair_rays.as_ref().map_or(0, HairRays::bytes);
         ledger.note(effects.hair_rays, EffectName::RaysThroughHair, held);
-        let shadows = HairShadow::build(scene, &called_for, progress)?;
+        let shadows = HairShadow::build(scene, &called_for, maps, progress)?;
         ledger.pass();
         let faces = settings.face_count();
         let environment = Environment::new(scene.radiance.clone(), scene.sources.clone(), scene.to_map, faces);

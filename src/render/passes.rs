@@ -15,6 +15,7 @@ use super::photons::Photons;
 use super::pipeline::{Options, tiles};
 use super::progress::Progress;
 use super::reflections::Reflections;
+use super::shadows::ShadowMaps;
 use super::statistics::{SpecularCut, Statistics, Watch};
 use super::tile::{Frame, Tile, TileSpace};
 use crate::effects::Effects;
@@ -32,6 +33,15 @@ pub struct Prepared<'s> {
     statistics: Statistics,
     clock: Clock,
     marked: Vec<[u32; 2]>,
+}
+
+/// What other renders of a scene made that differ in settings alone.
+#[derive(Debug)]
+pub struct Earlier<'a> {
+    /// Photons; taken where they are of the seed and faces that the scene has.
+    pub photons: Option<Photons>,
+    /// Shadow maps, and where those of this render go. The statistics count the time that each took when it was made.
+    pub maps: &'a mut ShadowMaps,
 }
 
 /// Single pixels, and the hair in each.
@@ -83,17 +93,17 @@ impl<'s> Prepared<'s> {
     /// # Errors
     /// As [`super::render`].
     pub fn new(scene: &'s mut Scene, options: &Options, progress: &dyn Progress) -> Result<Self, RenderError> {
-        Self::with_photons(scene, options, None, progress)
+        Self::again(scene, options, Earlier { photons: None, maps: &mut ShadowMaps::default() }, progress)
     }
 
-    /// The same with photons that were traced before, where these are what the scene calls for; else it traces its own.
+    /// The same with what other renders of the scene made, as far as it is what this one calls for.
     ///
     /// # Errors
     /// As [`super::render`].
-    pub fn with_photons(
+    pub fn again(
         scene: &'s mut Scene,
         options: &Options,
-        photons: Option<Photons>,
+        Earlier { photons, maps }: Earlier<'_>,
         progress: &dyn Progress,
     ) -> Result<Self, RenderError> {
         // What was counted before is another's.
@@ -109,10 +119,14 @@ impl<'s> Prepared<'s> {
             notes: scene.notes.clone(),
             ..Statistics::default()
         };
-        let mut lighting = Lighting::new(scene, effects, progress)?;
+        let mut lighting = Lighting::new(scene, effects, maps, progress)?;
         let effects = lighting.effects();
         statistics.shadow_maps = lighting.maps().to_vec();
         statistics.stage("building", &watch);
+        // What they took when they were made is what they take.
+        for map in lighting.maps().iter().filter(|map| map.reused) {
+            statistics.add_to("building", map.seconds, map.cpu_seconds);
+        }
         let watch = Watch::start();
         statistics.occlusion = settle(&mut lighting, progress)?;
         if effects.calibration {

@@ -5,8 +5,9 @@ use thiserror::Error;
 use super::film::Film;
 use super::mean::Mean;
 use super::pass::Pass;
-use super::passes::Prepared;
+use super::passes::{Earlier, Prepared};
 use super::progress::Progress;
+use super::shadows::ShadowMaps;
 use super::statistics::Statistics;
 use super::tile::Frame;
 use crate::embree;
@@ -50,7 +51,20 @@ pub fn render(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<(Film, Statistics), RenderError> {
-    with_threads(options.threads, || render_here(scene, options, progress))?
+    render_again(scene, options, Earlier { photons: None, maps: &mut ShadowMaps::default() }, progress)
+}
+
+/// The same with what other renders of the scene made.
+///
+/// # Errors
+/// As [`render`].
+pub fn render_again(
+    scene: &mut Scene,
+    options: &Options,
+    earlier: Earlier<'_>,
+    progress: &dyn Progress,
+) -> Result<(Film, Statistics), RenderError> {
+    with_threads(options.threads, || render_here(scene, options, earlier, progress))?
 }
 
 /// Does work with a number of threads of its own; one a processor where none.
@@ -77,10 +91,11 @@ pub(super) fn tiles(frame: &Frame<'_>, window: PixelRect) -> Result<(TileGrid, B
 fn render_here(
     scene: &mut Scene,
     options: &Options,
+    earlier: Earlier<'_>,
     progress: &dyn Progress,
 ) -> Result<(Film, Statistics), RenderError> {
     let (seed, passes) = (scene.description().sampling.seed, scene.description().passes());
-    let mut prepared = Prepared::new(scene, options, progress)?;
+    let mut prepared = Prepared::again(scene, options, earlier, progress)?;
     let mut film = prepared.pass(Pass::of(seed, 0), progress)?;
     if passes > 1 {
         let mut mean = Mean::new(film);

@@ -11,6 +11,7 @@ use super::statistics::Watch;
 use crate::effects::Effects;
 use crate::hair::HairModel;
 use crate::illumination::DirectLight;
+use crate::occlusion::Transmittance;
 use crate::scene::Scene;
 use crate::scene::description::Shadows;
 use crate::scene::loaded::LampShadows;
@@ -40,6 +41,48 @@ pub struct Made {
     pub cpu_seconds: f64,
     /// Whether it is a deep one.
     pub deep: bool,
+    /// Whether an earlier render made it, and took that time.
+    #[serde(skip)]
+    pub reused: bool,
+}
+
+/// Shadow maps of renders of one scene's hair that differ in settings alone: each is made once. A light's map stays until the light has another.
+#[derive(Debug, Default)]
+pub struct ShadowMaps {
+    kept: Vec<Kept>,
+}
+
+#[derive(Debug)]
+struct Kept {
+    wanted: Wanted,
+    map: Arc<HairShadow>,
+    made: Made,
+}
+
+/// All that a map depends on beside the hair.
+#[derive(Clone, Debug, PartialEq)]
+struct Wanted {
+    view: View,
+    shadows: LampShadows,
+    rule: Transmittance,
+}
+
+impl ShadowMaps {
+    /// What is wanted, if it is there.
+    fn find(&self, wanted: &Wanted) -> Option<(Arc<HairShadow>, Made)> {
+        let kept = self.kept.iter().find(|kept| kept.wanted == *wanted)?;
+        Some((kept.map.clone(), Made { reused: true, ..kept.made.clone() }))
+    }
+
+    /// Forgets a light's maps.
+    fn forget(&mut self, light: &str) {
+        self.kept.retain(|kept| kept.wanted.shadows.key != light);
+    }
+
+    /// Forgets all maps.
+    pub fn clear(&mut self) {
+        self.kept.clear();
+    }
 }
 
 /// How hair's shadows of each light are found, on each kind of thing, and the maps among that.
@@ -55,13 +98,18 @@ impl HairShadow {
     ///
     /// # Errors
     /// Maps that take too much memory; cancelled work.
-    pub fn build(scene: &Scene, effects: &Effects, progress: &dyn Progress) -> Result<HairShadows, RenderError> {
+    pub fn build(
+        scene: &Scene,
+        effects: &Effects,
+        maps: &mut ShadowMaps,
+        progress: &dyn Progress,
+    ) -> Result<HairShadows, RenderError> {
         let mut all = HairShadows::default();
         let [on_hair, on_surfaces] = [effects.hair_shadows_on_hair, effects.hair_shadows_on_surfaces];
         for (lamp, shadows) in scene.direct.iter().zip(&scene.shadows) {
             let free = Arc::new(Self::Free);
             let found = if on_hair || on_surfaces {
-                Arc::new(Self::of(scene, &lamp.light, shadows, &mut all.made, progress)?)
+                Self::of(scene, &lamp.light, shadows, &mut all.made, maps, progress)?
             } else {
                 free.clone()
             };
@@ -76,16 +124,16 @@ impl HairShadow {
         light: &DirectLight,
         shadows: &LampShadows,
         made: &mut Vec<Made>,
+        maps: &mut ShadowMaps,
         progress: &dyn Progress,
-    ) -> Result<Self, RenderError> {
+    ) -> Result<Arc<Self>, RenderError> {
         let hair = &scene.hair;
         if hair.is_empty() || shadows.mode == Shadows::None {
-            return Ok(Self::Free);
+            return Ok(Arc::new(Self::Free));
         }
         if shadows.mode == Shadows::Raytraced {
-            return Ok(Self::Rays);
+            return Ok(Arc::new(Self::Rays));
         }
-        let watch = Watch::start();
         let view = match *light {
             DirectLight::Point { position, .. } => View::from_point(hair, position, None),
             DirectLight::Spot { position, axis, outer, .. } => {
@@ -93,13 +141,29 @@ impl HairShadow {
             }
             DirectLight::Directional { toward, .. } => View::parallel(hair, toward),
         };
+        let wanted = Wanted { view, shadows: shadows.clone(), rule: transmittance_rule(scene) };
+        if let Some((map, before)) = maps.find(&wanted) {
+            made.push(before);
+            return Ok(map);
+        }
+        // Two of one light need not be in memory at once.
+        maps.forget(&shadows.key);
+        let (map, new) = Self::map(hair, &wanted, progress)?;
+        let map = Arc::new(map);
+        maps.kept.push(Kept { wanted, map: map.clone(), made: new.clone() });
+        made.push(new);
+        Ok(map)
+    }
+
+    fn map(hair: &HairModel, wanted: &Wanted, progress: &dyn Progress) -> Result<(Self, Made), RenderError> {
+        let watch = Watch::start();
+        let Wanted { view, shadows, rule } = wanted.clone();
         let settings = Settings { resolution: shadows.resolution, error: shadows.error, ..Settings::default() };
         let failed = |source| match source {
             MapError::Cancelled => RenderError::Cancelled,
             source => RenderError::ShadowMap { light: shadows.key.clone(), source },
         };
         let cancelled = || progress.cancelled();
-        let rule = transmittance_rule(scene);
         let deep = shadows.mode == Shadows::DeepMap;
         let (map, size) = if deep {
             let map = DeepMap::build(view, hair, rule, &settings, &cancelled).map_err(failed)?;
@@ -112,8 +176,7 @@ impl HairShadow {
         };
         let stage = watch.stage("map");
         let (seconds, cpu_seconds) = (stage.seconds, stage.cpu_seconds);
-        made.push(Made { light: shadows.key.clone(), size, seconds, cpu_seconds, deep });
-        Ok(map)
+        Ok((map, Made { light: shadows.key, size, seconds, cpu_seconds, deep, reused: false }))
     }
 
     /// What hair leaves of the light at a point; `rays` finds it by a ray.

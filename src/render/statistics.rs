@@ -170,6 +170,14 @@ impl Statistics {
         }
     }
 
+    /// Adds time, in seconds of the wall and of the CPU, to a stage that there is.
+    pub(super) fn add_to(&mut self, name: &str, seconds: f64, cpu_seconds: f64) {
+        for stage in self.stages.iter_mut().filter(|stage| stage.name == name) {
+            stage.seconds += seconds;
+            stage.cpu_seconds += cpu_seconds;
+        }
+    }
+
     /// CPU time of all stages, in seconds.
     pub fn all_cpu_seconds(&self) -> f64 {
         self.stages.iter().map(|stage| stage.cpu_seconds).sum()

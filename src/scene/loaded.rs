@@ -155,13 +155,22 @@ impl Scene {
         &self.document.description
     }
 
-    /// Loads the environment again, after its description or the number of faces that its small sources depend on was changed.
+    /// Puts other settings in place of its own: of sampling, occlusion, reflections, the lights and the environment's small sources. What hair, surfaces and
+    /// camera are stays as it was loaded.
     ///
     /// # Errors
     /// As [`Self::load`].
-    pub fn reload_environment(&mut self) -> Result<(), AssetError> {
+    pub fn set(&mut self, description: Description) -> Result<(), AssetError> {
+        let of_sources =
+            |description: &Description| (description.environment.sources, description.occlusion.face_count());
+        let before = of_sources(self.description());
+        self.document.description = description;
         let mut loader = Loader { document: &self.document, notes: Vec::new() };
-        (self.radiance, self.sources, self.to_map) = loader.environment()?;
+        if self.description().environment.file.is_some() && of_sources(self.description()) != before {
+            (self.radiance, self.sources, self.to_map) = loader.environment()?;
+        }
+        (self.direct, self.shadows) = loader.lamps(&self.space)?;
+        self.leave_out();
         Ok(())
     }
 }

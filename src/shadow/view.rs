@@ -28,7 +28,7 @@ pub struct Cone {
 }
 
 /// How a lamp sees the hair.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct View {
     origin: DVec3,
     /// Right, up and the axis of each image.

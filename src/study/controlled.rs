@@ -19,9 +19,12 @@ use super::accuracy::settings::KNOB;
 use crate::fragment::PixelRect;
 use crate::render::progress::Progress;
 use crate::render::statistics::Watch;
-use crate::render::{Film, Mean, Options, Pass, Photons, Prepared, RenderError, Statistics, with_threads};
+use crate::render::{
+    Earlier, Film, Mean, Options, Pass, Photons, Prepared, RenderError, ShadowMaps, Statistics, with_threads,
+};
 use crate::scene::Scene;
-use crate::scene::description::{Description, Layer};
+use crate::scene::description::{Description, Layer, Shadows};
+use crate::scene::loaded::LampShadows;
 use crate::surface::SurfaceModel;
 
 /// Passes from which on it is asked whether they are enough, however many were planned: they may be worth more together than one by one.
@@ -73,8 +76,9 @@ pub fn render_to(
     with_threads(options.threads, || {
         let surfaces = scene.surfaces.clone();
         let given = scene.document.description.clone();
-        let streams = Streams::new(goal.error());
-        Job { scene, surfaces, given, goal, options, progress, begin: Instant::now(), streams }.run()
+        let shadows = scene.shadows.clone();
+        let (streams, maps) = (Streams::new(goal.error()), ShadowMaps::default());
+        Job { scene, surfaces, given, shadows, goal, options, progress, begin: Instant::now(), streams, maps }.run()
     })?
 }
 
@@ -82,12 +86,15 @@ struct Job<'a> {
     scene: &'a mut Scene,
     surfaces: SurfaceModel,
     given: Description,
+    shadows: Vec<LampShadows>,
     goal: Goal,
     options: &'a Options,
     progress: &'a dyn Progress,
     begin: Instant,
     /// The picture's photons.
     streams: Streams,
+    /// Of all settings.
+    maps: ShadowMaps,
 }
 
 impl Job<'_> {
@@ -107,14 +114,21 @@ impl Job<'_> {
     /// The scene at a place of the knob with a seed, its surfaces back, and with photons of that seed, if they were traced before: who has done with them puts them back.
     fn prepare(&mut self, place: usize, seed: u32, photons: Option<Photons>) -> Result<Prepared<'_>, RenderError> {
         let mut description = self.given.clone();
+        self.scene.shadows = self.shadows.clone();
         match KNOB.get(place) {
             Some((_, values)) => set(&mut description, values),
-            None => set_truth(&mut description, self.goal.error()),
+            None => {
+                set_truth(&mut description, self.goal.error());
+                // A map is an approximation of rays.
+                for shadows in self.scene.shadows.iter_mut().filter(|shadows| shadows.mode.is_map()) {
+                    shadows.mode = Shadows::Raytraced;
+                }
+            }
         }
         description.sampling.seed = seed;
         self.scene.document.description = description;
         self.scene.surfaces = self.surfaces.clone();
-        Prepared::with_photons(self.scene, self.options, photons, self.progress)
+        Prepared::again(self.scene, self.options, Earlier { photons, maps: &mut self.maps }, self.progress)
     }
 
     fn elapsed(&self) -> f64 {

@@ -17,7 +17,9 @@ use crate::hash::{hash, to_unit};
 use crate::occlusion::raytraced::Ray;
 use crate::occlusion::{HairRays, Igloo, RaySettings, Receiver};
 use crate::render::progress::Progress;
-use crate::render::{Around, Lighting, Place, RenderError, ShadingPoint, Workspace, draw, settle, with_threads};
+use crate::render::{
+    Around, Lighting, Place, RenderError, ShadingPoint, ShadowMaps, Workspace, draw, settle, with_threads,
+};
 use crate::scene::Scene;
 use crate::scene::description::OcclusionMode;
 
@@ -82,7 +84,7 @@ fn compare(
     progress.stage("building", 0);
     // Whether or not any light arrives for which the picture would ask.
     let effects = Effects { hair_rays: true, projected_occlusion: true, ..Effects::of(scene) };
-    let mut lighting = Lighting::new(scene, effects, progress)?;
+    let mut lighting = Lighting::new(scene, effects, &mut ShadowMaps::default(), progress)?;
     settle(&mut lighting, progress)?;
     let drawn = draw(&lighting, settings.window, settings.points, progress)?;
     progress.stage("comparing", drawn.points.len() as u64);

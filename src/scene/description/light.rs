@@ -188,6 +188,13 @@ pub enum Shadows {
     None,
 }
 
+impl Shadows {
+    /// Whether hair's shadows come from a map.
+    pub fn is_map(self) -> bool {
+        matches!(self, Self::DeepMap | Self::Map)
+    }
+}
+
 fn map_error() -> f64 {
     0.004
 }

@@ -12,8 +12,8 @@ use crate::hash::hash;
 use crate::image::RgbImage;
 use crate::render::progress::Progress;
 use crate::render::statistics::{Watch, peak_memory};
-use crate::render::{self, Film, Pass, Prepared, with_threads};
-use crate::scene::description::{Description, EnvironmentSources};
+use crate::render::{self, Earlier, Film, Pass, Prepared, ShadowMaps, with_threads};
+use crate::scene::description::EnvironmentSources;
 use crate::scene::{self, Scene};
 use crate::surface::SurfaceModel;
 
@@ -43,6 +43,8 @@ pub(super) struct Bench<'a> {
     window: PixelRect,
     facts: Facts,
     surfaces: SurfaceModel,
+    /// Made once for all renders that have the same.
+    maps: ShadowMaps,
     threads: Option<usize>,
     /// The scene's own.
     seed: u32,
@@ -112,8 +114,21 @@ impl<'a> Bench<'a> {
             segments: scene.hair.segments(),
             size: scene.space.scene_length(1.0),
             sources_left: environment.file.is_some() && environment.sources == EnvironmentSources::None,
+            lamps: scene.shadows.iter().map(|shadows| (shadows.key.clone(), shadows.mode)).collect(),
         };
-        Ok(Self { path: path.to_owned(), fixed, scene, window, facts, surfaces, threads, seed, base, progress })
+        let (path, maps) = (path.to_owned(), ShadowMaps::default());
+        Ok(Self { path, fixed, scene, window, facts, surfaces, maps, threads, seed, base, progress })
+    }
+
+    /// With the shadow maps of another size of the scene.
+    pub fn with_maps(mut self, maps: ShadowMaps) -> Self {
+        self.maps = maps;
+        self
+    }
+
+    /// The shadow maps that were made.
+    pub fn into_maps(self) -> ShadowMaps {
+        self.maps
     }
 
     /// Of the scene as it is.
@@ -153,24 +168,22 @@ impl<'a> Bench<'a> {
     /// Puts settings into the scene, and back the surfaces that the last render took out.
     fn set(&mut self, set: &[String]) -> Result<(), StudyError> {
         let all = [&self.fixed[..], set].concat();
-        let of_sources =
-            |description: &Description| (description.environment.sources, description.occlusion.face_count());
-        let before = of_sources(self.scene.description());
-        self.scene.document.description = scene::load(&self.path, &all)?.description;
+        self.scene.set(scene::load(&self.path, &all)?.description)?;
         self.scene.surfaces = self.surfaces.clone();
-        let description = self.scene.description();
-        if description.environment.file.is_some() && of_sources(description) != before {
-            self.scene.reload_environment()?;
-        }
         Ok(())
     }
 
     /// A render as `tress render` would do it.
     pub fn render(&mut self, label: &str, set: &[String], seed: u32) -> Result<(Measured, Picture), StudyError> {
         self.set(&[set, &[format!("sampling.seed={seed}")]].concat())?;
+        // Memory is measured: maps that this render has not are in its way.
+        if !self.scene.shadows.iter().any(|shadows| shadows.mode.is_map()) {
+            self.maps.clear();
+        }
         let own_peak = reset_peak();
         let options = render::Options { window: Some(self.window), threads: self.threads };
-        let (film, statistics) = render::render(&mut self.scene, &options, &Quiet(self.progress))?;
+        let earlier = Earlier { photons: None, maps: &mut self.maps };
+        let (film, statistics) = render::render_again(&mut self.scene, &options, earlier, &Quiet(self.progress))?;
         let (key, label) = (self.key(set, seed), label.to_owned());
         let measured = Measured { key, label, seed, stages: statistics.stages, peak_bytes: peak_memory(), own_peak };
         Ok((measured, picture(&film)))
@@ -190,9 +203,9 @@ impl<'a> Bench<'a> {
         let (threads, base, progress) = (self.threads, self.base.clone(), self.progress);
         let options = render::Options { window: Some(self.window), threads };
         let own_peak = reset_peak();
-        let (scene, quiet) = (&mut self.scene, Quiet(progress));
+        let (scene, maps, quiet) = (&mut self.scene, &mut self.maps, Quiet(progress));
         with_threads(threads, || {
-            let mut prepared = Prepared::new(scene, &options, &quiet)?;
+            let mut prepared = Prepared::again(scene, &options, Earlier { photons: None, maps }, &quiet)?;
             let mut before = prepared.statistics().stages.clone();
             for &seed in seeds {
                 let watch = Watch::start();
@@ -218,17 +231,18 @@ impl<'a> Bench<'a> {
         self.progress.advance(1);
     }
 
-    /// How long a render of these settings takes, from one pass.
+    /// How long a render of these settings takes, from one pass; the scene's own shadow maps do not count, which are there from then on.
     pub fn probe(&mut self, set: &[String]) -> Result<Pace, StudyError> {
         self.set(set)?;
         let (threads, quiet, pixels) = (self.threads, Quiet(self.progress), self.probed());
         let passes = self.scene.description().passes();
         let options = render::Options { window: Some(self.window), threads };
-        let scene = &mut self.scene;
+        let (scene, maps) = (&mut self.scene, &mut self.maps);
         with_threads(threads, || {
             let watch = Watch::start();
-            let mut prepared = Prepared::new(scene, &options, &quiet)?;
-            let before = watch.elapsed().as_secs_f64();
+            let mut prepared = Prepared::again(scene, &options, Earlier { photons: None, maps }, &quiet)?;
+            let made = prepared.statistics().shadow_maps.iter().filter(|map| set.is_empty() && !map.reused);
+            let before = watch.elapsed().as_secs_f64() - made.map(|map| map.seconds).sum::<f64>();
             let watch = Watch::start();
             prepared.pass(Pass::alone(0), &quiet)?;
             Ok(Pace { before, pixel: watch.elapsed().as_secs_f64() / pixels * f64::from(passes) })

@@ -15,9 +15,9 @@ use super::state::{Measured, State, key};
 use crate::file::{read_regular, write_whole};
 use crate::fragment::PixelRect;
 use crate::image::RgbImage;
-use crate::render::RenderError;
 use crate::render::progress::Progress;
 use crate::render::statistics::Stage;
+use crate::render::{RenderError, ShadowMaps};
 use crate::scene::{AssetError, SceneError};
 
 /// How a scene is studied.
@@ -134,17 +134,20 @@ fn planned<'a>(scene: &Path, options: &Options, progress: &'a dyn Progress) -> R
     let names: Vec<String> = cases.iter().map(|case| format!("{} = {}", case.setting, case.value)).collect();
     let key = key(&[&bench.key(&[], 0), &budget, &options.repeats.to_string(), &names.join("\n")]);
     let path = options.folder.join("plan.json");
+    let mut maps = ShadowMaps::default();
     let (plan, paces) = match read_plan(&path, &key) {
         Some(before) => before,
         None => {
-            let (plan, paces) = new_plan(scene, options, size, &cases, begin, progress)?;
+            let (plan, paces, made) = new_plan(scene, options, size, &cases, begin, progress)?;
+            maps = made;
             let text = serde_json::to_vec(&(key, &plan, &paces)).unwrap_or_default();
             write_whole(&path, |out| out.write_all(&text)).map_err(|e| output_error(&path, &e))?;
             (plan, paces)
         }
     };
     drop(bench);
-    let bench = Bench::new(scene, &options.overrides, options.crop, Some(plan.size), threads, progress)?;
+    let bench =
+        Bench::new(scene, &options.overrides, options.crop, Some(plan.size), threads, progress)?.with_maps(maps);
     Ok(Planned { plan, cases, paces, skipped, bench })
 }
 
@@ -155,7 +158,7 @@ fn new_plan(
     cases: &[Case],
     begin: Instant,
     progress: &dyn Progress,
-) -> Result<(Plan, Vec<Pace>), StudyError> {
+) -> Result<(Plan, Vec<Pace>, ShadowMaps), StudyError> {
     let scale = (PROBE_SIDE / f64::from(size[0].min(size[1]))).min(1.0);
     let small = size.map(|side| (f64::from(side) * scale).round().max(1.0) as u32);
     let mut bench = Bench::new(scene, &options.overrides, options.crop, Some(small), options.threads, progress)?;
@@ -180,7 +183,7 @@ fn new_plan(
         let [[faces, layers, _], [fine, deep, _]] = [plan.reference, REFERENCES.len() - 1].map(|i| REFERENCES[i]);
         plan.cut.push(format!("the reference has {faces} faces and {layers} layers in place of {fine} and {deep}"));
     }
-    Ok((plan, paces.cases))
+    Ok((plan, paces.cases, bench.into_maps()))
 }
 
 fn read_plan(path: &Path, key: &str) -> Option<(Plan, Vec<Pace>)> {
@@ -280,6 +283,8 @@ impl Work<'_> {
         let step = |index: usize| (0..index).filter(|&i| cases[i].setting == cases[index].setting).count();
         let mut order: Vec<usize> = (0..cases.len()).collect();
         order.sort_by_key(|&index| step(index));
+        // Each of these has shadow maps of its own: the scene's are made again after them.
+        order.sort_by_key(|&index| cases[index].has_other_maps());
         order.sort_by(|&a, &b| paces[a].of(pixels).total_cmp(&paces[b].of(pixels)));
         order.sort_by_key(|&index| index > 0);
         let mut done: Vec<Repetitions> = vec![Repetitions::default(); cases.len()];

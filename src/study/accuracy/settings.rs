@@ -3,7 +3,7 @@
 //! A new setting is a new line of [`SWEPT`].
 
 use crate::effects::Effects;
-use crate::scene::description::{Occlusion, OcclusionMode};
+use crate::scene::description::{Occlusion, OcclusionMode, Shadows};
 
 /// What decides whether a setting matters on a scene.
 #[derive(Clone, Debug)]
@@ -15,12 +15,29 @@ pub struct Facts {
     pub size: f64,
     /// Whether the environment is a picture whose small sources the scene leaves in it.
     pub sources_left: bool,
+    /// Keys of the lights without extent, and how their shadows are found.
+    pub lamps: Vec<(String, Shadows)>,
 }
 
 impl Facts {
     fn occluded(&self) -> bool {
         let e = &self.effects;
         e.hair && (e.environment || e.area_lights || e.reflection) && self.occlusion.mode != OcclusionMode::None
+    }
+
+    fn has_lamp(&self, with: fn(Shadows) -> bool) -> bool {
+        self.lamps.iter().any(|(_, shadows)| with(*shadows))
+    }
+
+    /// A setting of lights, for each light that it is of.
+    fn of_lamps(&self, key: &str, value: &str) -> Vec<String> {
+        let of = |shadows: Shadows| match key {
+            SHADOWS => shadows != Shadows::None,
+            MAP_ERROR => shadows == Shadows::DeepMap,
+            _ => shadows.is_map(),
+        };
+        let lamps = self.lamps.iter().filter(|(_, shadows)| of(*shadows));
+        lamps.map(|(lamp, _)| format!("{lamp}.{key}={value}")).collect()
     }
 }
 
@@ -31,6 +48,8 @@ pub enum Values {
     Given(&'static [&'static str]),
     /// Lengths, in sizes of the scene.
     Sizes(&'static [f64]),
+    /// The same value for every light without extent that has the key.
+    OfLamps(&'static [&'static str]),
 }
 
 /// One setting of the sweep.
@@ -97,6 +116,14 @@ fn no_small_sources(facts: &Facts) -> Option<&'static str> {
         "the environment is no picture, or one without spots that the igloo's faces would blur too much",
     )
 }
+
+fn no_maps(facts: &Facts) -> Option<&'static str> {
+    unless(facts.effects.hair && facts.has_lamp(Shadows::is_map), "no light's shadows of hair come from a map")
+}
+
+const SHADOWS: &str = "shadows";
+const MAP_ERROR: &str = "map_error";
+const MAP_RESOLUTION: &str = "map_resolution";
 
 /// All settings of the sweep, one at a time around the scene's own.
 pub const SWEPT: &[Swept] = &[
@@ -213,6 +240,33 @@ pub const SWEPT: &[Swept] = &[
         idle: |facts| unless(facts.effects.reflection && facts.effects.hair, "no surface reflects light on hair"),
     },
     Swept {
+        key: SHADOWS,
+        name: "shadows of hair",
+        values: Values::OfLamps(&["deep-map", "raytraced"]),
+        with: &[],
+        idle: |facts| {
+            let shadowed = facts.has_lamp(|shadows| shadows != Shadows::None);
+            unless(facts.effects.hair && shadowed, "no point, spot or directional light has shadows of hair")
+        },
+    },
+    Swept {
+        key: MAP_ERROR,
+        name: "error of deep shadow maps",
+        values: Values::OfLamps(&["0.03", "0.01", "0.004", "0.001"]),
+        with: &[],
+        idle: |facts| {
+            let deep = facts.has_lamp(|shadows| shadows == Shadows::DeepMap);
+            unless(facts.effects.hair && deep, "no light has a deep shadow map of hair")
+        },
+    },
+    Swept {
+        key: MAP_RESOLUTION,
+        name: "pixels of shadow maps",
+        values: Values::OfLamps(&["128", "512", "2048"]),
+        with: &[],
+        idle: no_maps,
+    },
+    Swept {
         key: "sampling.passes",
         name: "passes",
         values: Values::Given(&["2", "4"]),
@@ -280,6 +334,9 @@ pub fn reference(facts: &Facts, [faces, layers, photons]: [u32; 3]) -> Vec<Strin
     if no_photons(facts).is_none() {
         set.push(format!("indirect.photons={photons}"));
     }
+    if no_maps(facts).is_none() {
+        set.extend(facts.of_lamps(SHADOWS, "raytraced"));
+    }
     if facts.sources_left {
         set.push("environment.sources=auto".to_owned());
     }
@@ -294,6 +351,15 @@ pub struct Case {
     pub value: String,
     /// Settings, as after `--set`.
     pub set: Vec<String>,
+}
+
+impl Case {
+    /// Whether lights have other shadow maps than the scene as it is.
+    pub fn has_other_maps(&self) -> bool {
+        [SHADOWS, MAP_ERROR, MAP_RESOLUTION]
+            .iter()
+            .any(|key| self.set.iter().any(|set| set.contains(&format!(".{key}="))))
+    }
 }
 
 /// A setting that is not swept, and why.
@@ -323,14 +389,49 @@ pub fn cases(facts: &Facts) -> (Vec<Case>, Vec<Skipped>) {
             continue;
         }
         let values: Vec<String> = match swept.values {
-            Values::Given(values) => values.iter().map(|value| (*value).to_owned()).collect(),
+            Values::Given(values) | Values::OfLamps(values) => values.iter().map(|value| (*value).to_owned()).collect(),
             Values::Sizes(sizes) => sizes.iter().map(|size| format!("{:.4e}", size * facts.size)).collect(),
         };
         for value in values {
             let mut set: Vec<String> = swept.with.iter().map(|with| (*with).to_owned()).collect();
-            set.push(format!("{}={value}", swept.key));
+            if matches!(swept.values, Values::OfLamps(_)) {
+                set.extend(facts.of_lamps(swept.key, &value));
+            } else {
+                set.push(format!("{}={value}", swept.key));
+            }
             cases.push(Case { setting: swept.name.to_owned(), value, set });
         }
     }
     (cases, skipped)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_of_lights_are_of_those_that_have_them() {
+        let lamps = [("light.point[0]", Shadows::Raytraced), ("light.spot[0]", Shadows::DeepMap)];
+        let more = [("light.spot[1]", Shadows::Map), ("light.directional[0]", Shadows::None)];
+        let lamps = lamps.into_iter().chain(more).map(|(key, shadows)| (key.to_owned(), shadows)).collect();
+        let effects = Effects { hair: true, ..Effects::default() };
+        let facts =
+            Facts { effects, occlusion: Occlusion::default(), segments: 9, size: 1.0, sources_left: false, lamps };
+        let (all, skipped) = cases(&facts);
+        let of = |name: &str| all.iter().find(|case| case.setting == name).expect("a case");
+        let rays =
+            ["light.point[0].shadows=raytraced", "light.spot[0].shadows=raytraced", "light.spot[1].shadows=raytraced"];
+        let error = of("error of deep shadow maps");
+        assert_eq!(error.set, ["light.spot[0].map_error=0.03"]);
+        assert_eq!(
+            of("pixels of shadow maps").set,
+            ["light.spot[0].map_resolution=128", "light.spot[1].map_resolution=128"]
+        );
+        assert!(error.has_other_maps() && !all[0].has_other_maps());
+        let reference = reference(&facts, REFERENCES[0]);
+        assert!(rays.iter().all(|ray| reference.iter().any(|set| set == ray)), "{reference:?}");
+        assert!(skipped.iter().all(|skipped| skipped.key != MAP_ERROR));
+        let facts = Facts { lamps: Vec::new(), ..facts };
+        assert!([SHADOWS, MAP_ERROR, MAP_RESOLUTION].iter().all(|key| cases(&facts).1.iter().any(|s| s.key == *key)));
+    }
 }

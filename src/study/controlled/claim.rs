@@ -4,6 +4,7 @@ use super::worth::{Trial, Truth};
 use super::{Job, KNOB};
 use crate::render::Film;
 use crate::render::statistics::Claim;
+use crate::scene::loaded::LampShadows;
 use crate::study::statistics::{NORMAL, rms_of_squares};
 
 impl Job<'_> {
@@ -49,6 +50,9 @@ impl Job<'_> {
             format!("sampling.surface_samples={}", description.sampling.surface_samples),
         ];
         set.extend(description.occlusion.rays.map(|rays| format!("occlusion.rays={rays}")));
+        let other = |(now, given): &(&LampShadows, &LampShadows)| now.mode != given.mode;
+        let changed = self.scene.shadows.iter().zip(&self.shadows).filter(other);
+        set.extend(changed.map(|(now, _)| format!("{}.shadows=raytraced", now.key)));
         set
     }
 }
