@@ -15,6 +15,8 @@ pub struct Study {
     pub version: &'static str,
     /// The command that made it.
     pub command: String,
+    /// Settings of all renders, as after `--set`.
+    pub overrides: Vec<String>,
     pub machine: Machine,
     /// Columns and rows of the pictures.
     pub size: [u32; 2],
@@ -103,7 +105,12 @@ impl Study {
     fn advise(&self, target: f64) -> Advice {
         let percent = percent(target);
         let within = self.frontier.iter().copied().find(|&i| self.points[i].errors.rms <= target);
-        let scene = quoted(&self.scene);
+        let with = |set: &[String]| {
+            // The size of the study's pictures is not that of the picture.
+            let all = self.overrides.iter().filter(|set| !set.starts_with("camera.resolution=")).chain(set);
+            let set: String = all.map(|set| format!(" --set {}", quoted(set))).collect();
+            format!("tress render {} -o picture.exr{set}", quoted(&self.scene))
+        };
         let Some(index) = within else {
             let best = self.points.iter().map(|point| point.errors.rms).fold(f64::INFINITY, f64::min);
             return Advice {
@@ -113,7 +120,7 @@ impl Study {
                     "For an error of {percent}, none of these settings is enough (the best err by {}); --max-error finds more.",
                     self::percent(best)
                 ),
-                command: format!("tress render {scene} -o picture.exr --max-error {target}"),
+                command: format!("{} --max-error {target}", with(&[])),
             };
         };
         let point = &self.points[index];
@@ -129,8 +136,7 @@ impl Study {
             self::percent(point.errors.rms),
             seconds(point.cpu_seconds),
         );
-        let set: String = point.set.iter().map(|set| format!(" --set {}", quoted(set))).collect();
-        Advice { target, point: Some(index), text, command: format!("tress render {scene} -o picture.exr{set}") }
+        Advice { target, point: Some(index), text, command: with(&point.set) }
     }
 
     /// All points as comma-separated values, with a head.
@@ -232,6 +238,7 @@ pub(super) mod tests {
             scene: "a <b> & 'c'.toml".to_owned(),
             version: "0",
             command: "tress study \"x\"".to_owned(),
+            overrides: vec!["camera.resolution=[9, 9]".to_owned(), "sampling.seed=7".to_owned()],
             machine: Machine {
                 processor: "one".to_owned(),
                 processors: 2,
@@ -276,9 +283,12 @@ pub(super) mod tests {
         assert!(study.advice[0].text.contains("20 % of the default's"), "{}", study.advice[0].text);
         assert_eq!(
             study.advice[0].command,
-            "tress render 'a <b> & '\\''c'\\''.toml' -o picture.exr --set sampling.layers=draft --set occlusion.mode=igloo"
+            "tress render 'a <b> & '\\''c'\\''.toml' -o picture.exr --set sampling.seed=7 --set sampling.layers=draft --set occlusion.mode=igloo"
         );
-        assert!(study.advice[2].text.contains("1.5 %") && study.advice[2].command.ends_with("--max-error 0.01"));
+        assert!(
+            study.advice[2].text.contains("1.5 %")
+                && study.advice[2].command.ends_with("--set sampling.seed=7 --max-error 0.01")
+        );
     }
 
     #[test]

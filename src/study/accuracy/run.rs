@@ -98,6 +98,7 @@ pub fn study(scene: &Path, options: &Options, progress: &dyn Progress) -> Result
         scene: scene.display().to_string(),
         version: env!("CARGO_PKG_VERSION"),
         command: options.command.clone(),
+        overrides: options.overrides.clone(),
         machine: machine(options.threads),
         size: plan.size,
         repeats: options.repeats,

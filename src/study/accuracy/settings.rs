@@ -288,6 +288,9 @@ pub const KNOB: &[(&str, [&str; 5])] = &[
     ("finest", ["0.0015", "256", "32", "64", "64"]),
 ];
 
+/// Places of the knob in passes with layers drawn by chance, as `--max-error` renders: what one pass errs by at random they leave behind.
+const IN_PASSES: [(usize, u32); 5] = [(1, 4), (1, 16), (2, 16), (3, 16), (3, 64)];
+
 const KNOB_KEYS: [&str; 5] = [
     "occlusion.accuracy",
     "occlusion.faces",
@@ -306,7 +309,7 @@ pub fn knob(values: &[&str; 5], facts: &Facts) -> Vec<String> {
 
 /// Faces a hemisphere, layers and photons of references, from coarse to fine; the finest that the time allows is taken. Layers are drawn: what few of them
 /// miss is noise, and passes take it away.
-pub const REFERENCES: [[u32; 3]; 3] = [[25, 16, 400_000], [64, 24, 1_000_000], [128, 32, 2_000_000]];
+pub const REFERENCES: [[u32; 3]; 3] = [[25, 16, 200_000], [64, 24, 400_000], [128, 32, 800_000]];
 
 /// What a reference is rendered with, beside a seed and a number of passes.
 #[must_use]
@@ -382,6 +385,16 @@ pub fn cases(facts: &Facts) -> (Vec<Case>, Vec<Skipped>) {
         set.extend((!mode.is_empty()).then(|| format!("occlusion.mode={mode}")));
         cases.push(Case { setting: format!("knob {mode}").trim_end().to_owned(), value: (*name).to_owned(), set });
     }
+    if facts.effects.hair || facts.effects.surfaces {
+        for (place, passes) in IN_PASSES {
+            let (name, values) = &KNOB[place];
+            let mut set = knob(values, facts);
+            set.extend(facts.effects.hair.then(|| "sampling.layer_choice=drawn".to_owned()));
+            set.push(format!("sampling.passes={passes}"));
+            let (setting, value) = ("knob in passes".to_owned(), format!("{name}, {passes} passes"));
+            cases.push(Case { setting, value, set });
+        }
+    }
     for swept in SWEPT {
         if let Some(reason) = (swept.idle)(facts) {
             let (setting, key) = (swept.name.to_owned(), swept.key.to_owned());
@@ -431,6 +444,11 @@ mod tests {
         let reference = reference(&facts, REFERENCES[0]);
         assert!(rays.iter().all(|ray| reference.iter().any(|set| set == ray)), "{reference:?}");
         assert!(skipped.iter().all(|skipped| skipped.key != MAP_ERROR));
+        let passes = all.iter().rfind(|case| case.setting == "knob in passes").expect("a case");
+        assert_eq!(passes.value, "fine, 64 passes");
+        for set in ["sampling.layers=8", "sampling.layer_choice=drawn", "sampling.passes=64"] {
+            assert!(passes.set.iter().any(|s| s == set), "{passes:?}");
+        }
         let facts = Facts { lamps: Vec::new(), ..facts };
         assert!([SHADOWS, MAP_ERROR, MAP_RESOLUTION].iter().all(|key| cases(&facts).1.iter().any(|s| s.key == *key)));
     }
