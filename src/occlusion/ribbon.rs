@@ -161,7 +161,7 @@ fn along<D: Directions>(
             let (s, c) = if lumps == 1 { (sine, cosine) } else { (s, c) };
             let c = if c > 1e-6 { c } else { 1e-6 };
             let r = h / c;
-            let width = ribbon.width + ribbon.taper * r * s;
+            let width = positive(ribbon.width + ribbon.taper * r * s);
             let solid_angle = angle * width * c * piece;
             let share = ribbon.opacity * view.crossing(width / r);
             let share = if share < 0.95 { share } else { 0.95 };
@@ -178,6 +178,12 @@ fn along<D: Directions>(
             add(&mut depth[cell as usize], &amount);
         }
     }
+}
+
+/// A width that is not below 0, as rounding makes it next to a tip.
+#[inline(always)]
+fn positive(width: f32) -> f32 {
+    if width > 0.0 { width } else { 0.0 }
 }
 
 /// Sine and cosine of an angle from -π/2 to π/2 by Taylor's series, each to 1e-7.
@@ -222,7 +228,7 @@ fn across<D: Directions>(
                 if s < ribbon.to { s } else { ribbon.to }
             };
             (from[lane], middle[lane], to[lane]) = (at(0.0), at(0.5), at(1.0));
-            half[lane] = 0.5 * (ribbon.width + ribbon.taper * middle[lane]) / h;
+            half[lane] = 0.5 * positive(ribbon.width + ribbon.taper * middle[lane]) / h;
         }
         for half in &mut half {
             *half = half_angle(*half);

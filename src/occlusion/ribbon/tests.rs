@@ -330,6 +330,14 @@ fn check(segment: &Segment, range: [f32; 2], opacity: f32, finite: bool) -> Resu
     Ok(())
 }
 
+/// Once a depth of -2e-44: next to its tip a long ribbon of denormal width had less than none.
+#[test]
+fn a_tip_has_no_width_below_zero() {
+    let (a, b) = (Vec3::new(-1.0, -1.0, -5481.802), Vec3::new(-2.605_331_7e-16, -0.189_989_25, 0.421_167_05));
+    let segment = Segment { a, b, widths: [1.588_589_4e-38, 0.0] };
+    check(&segment, [0.0, 1.0], 0.120_752_215, true).expect("a sound depth");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 3_000, failure_persistence: None, ..ProptestConfig::default() })]
 

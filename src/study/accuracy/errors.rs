@@ -33,6 +33,8 @@ pub struct Halves {
 pub struct Errors {
     /// Root mean square of a single picture's difference, the reference's own noise taken out.
     pub rms: f64,
+    /// What it may be as far as the reference tells: two standard errors more.
+    pub at_most: f64,
     /// The part of it that differs from seed to seed; none from a single picture.
     pub noise: Option<f64>,
     /// The part that all seeds share: RMS over the pixels. Of a single picture all counts as bias.
@@ -87,6 +89,18 @@ impl Halves {
         Some((square - self.variance).max(0.0).sqrt() / self.level)
     }
 
+    /// Standard error of the mean square difference from the reference, its own noise taken out. With d the difference from the mean of both halves and n half the difference of
+    /// these, d² - n² is a pixel's square on average: d has the error of that mean, n one of the same variance that is independent of it, and the variance of d² - n² is 4 d² n².
+    fn doubt(&self, pictures: &[RgbImage]) -> f64 {
+        let of_pixel = |&i: &usize| {
+            let off = pictures.iter().map(|picture| square(picture.pixels[i], self.mean.pixels[i])).sum::<f64>();
+            let [a, b] = [0, 1].map(|half| self.halves[half].rgb.pixels[i]);
+            // Halved, and times 4.
+            off / pictures.len() as f64 * square(a, b)
+        };
+        self.seen.iter().map(of_pixel).sum::<f64>().sqrt() / (3.0 * self.seen.len() as f64)
+    }
+
     /// Errors of pictures of the same settings and different seeds; none without any, or where one has another size.
     #[must_use]
     pub fn errors(&self, pictures: &[RgbImage], exposure: f32) -> Option<Errors> {
@@ -111,8 +125,10 @@ impl Halves {
         }
         let variance = (pictures.len() > 1).then(|| spread / (n - 1.0) / count);
         let root = |square: f64| square.max(0.0).sqrt() / self.level;
+        let rms = self.rms(pictures)?;
         Some(Errors {
-            rms: self.rms(pictures)?,
+            rms,
+            at_most: rms.hypot((2.0 * self.doubt(pictures)).sqrt() / self.level),
             noise: variance.map(root),
             bias: root(of_mean / count - self.variance - variance.unwrap_or(0.0) / n),
             mean: sum / count / self.level,
@@ -122,9 +138,14 @@ impl Halves {
     }
 }
 
+/// Square of the difference of two colours.
+fn square(a: [f32; 3], b: [f32; 3]) -> f64 {
+    (0..3).map(|c| f64::from(a[c] - b[c]).powi(2)).sum()
+}
+
 /// Mean square difference over some pixels and all channels.
 fn mean_square(a: &RgbImage, b: &RgbImage, pixels: &[usize]) -> f64 {
-    let square = |&i: &usize| (0..3).map(|c| f64::from(a.pixels[i][c] - b.pixels[i][c]).powi(2)).sum::<f64>();
+    let square = |&i: &usize| square(a.pixels[i], b.pixels[i]);
     pixels.iter().map(square).sum::<f64>() / (3.0 * pixels.len().max(1) as f64)
 }
 
@@ -162,10 +183,30 @@ mod tests {
         assert!((errors.bias / 0.02 - 1.0).abs() < 0.1, "{errors:?}");
         assert!((errors.mean / 0.02 - 1.0).abs() < 0.1, "{errors:?}");
         assert!((errors.rms / 0.02_f64.hypot(0.02) - 1.0).abs() < 0.05, "{errors:?}");
+        assert!(errors.at_most > errors.rms && errors.at_most < 1.1 * errors.rms, "{errors:?}");
         // One picture alone cannot tell them apart.
         let one = reference.errors(&pictures[..1], 0.0).unwrap();
         assert!(one.noise.is_none() && (one.bias / one.rms - 1.0).abs() < 1e-9, "{one:?}");
         assert!(errors.flip > 0.0 && reference.errors(std::slice::from_ref(&reference.mean), 0.0).unwrap().flip == 0.0);
+    }
+
+    #[test]
+    fn errors_are_below_what_they_may_be() {
+        // A twentieth of the reference's noise: of few pixels the error is anything, and within two standard errors 95 times of 100.
+        let of = |seed: u32| {
+            let few = |mut picture: Picture| {
+                picture.alpha[200..].fill(0.0);
+                picture
+            };
+            let reference = Halves::new([1, 2].map(|half| few(picture(0.5, 0.05, 10 * seed + half)))).unwrap();
+            let errors = reference.errors(&[picture(0.5, 0.005, 10 * seed + 3).rgb], 0.0).unwrap();
+            // Of a picture with three colours to a pixel.
+            let truth = 0.005 / reference.level;
+            assert!(errors.at_most < 0.1, "{errors:?}");
+            errors.at_most >= truth
+        };
+        let held = (0..200).filter(|&seed| of(seed)).count();
+        assert!(held >= 190, "{held} of 200");
     }
 
     #[test]

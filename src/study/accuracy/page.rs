@@ -232,7 +232,7 @@ fn png(image: &RgbImage, exposure: f32) -> Result<String, image::Error> {
 }
 
 fn table(study: &Study) -> String {
-    let mut out = "<section><h2>All numbers</h2>\n<div class=\"wide\"><table>\n<thead><tr><th>setting</th><th>value</th><th>error</th><th>noise</th><th>bias</th><th>mean</th><th>largest</th><th>FLIP</th><th>CPU time</th><th>wall</th><th>building</th><th>calibrating</th><th>rendering</th><th>memory</th></tr></thead>\n<tbody>\n".to_owned();
+    let mut out = "<section><h2>All numbers</h2>\n<div class=\"wide\"><table>\n<thead><tr><th>setting</th><th>value</th><th>error</th><th>at most</th><th>noise</th><th>bias</th><th>mean</th><th>largest</th><th>FLIP</th><th>CPU time</th><th>wall</th><th>building</th><th>calibrating</th><th>rendering</th><th>memory</th></tr></thead>\n<tbody>\n".to_owned();
     let mut order: Vec<usize> = (0..study.points.len()).collect();
     // Settings together, in the order of the sweep.
     order.sort_by_key(|&index| settings(study).iter().position(|name| *name == study.points[index].setting));
@@ -245,10 +245,11 @@ fn table(study: &Study) -> String {
         };
         let class = if study.frontier.contains(&index) { " class=\"front\"" } else { "" };
         out.push_str(&format!(
-            "<tr{class}><th>{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}{}</td><td>{}</td><td>{:.4}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}{:.0} MiB</td></tr>\n",
+            "<tr{class}><th>{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}{}</td><td>{}</td><td>{:.4}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}{:.0} MiB</td></tr>\n",
             escape(&point.setting),
             escape(&point.value),
             percent(e.rms),
+            percent(e.at_most),
             e.noise.map_or_else(|| "–".to_owned(), percent),
             percent(e.bias),
             if e.mean > 0.0 { "+" } else { "" },
@@ -264,7 +265,7 @@ fn table(study: &Study) -> String {
             point.peak_bytes as f64 / f64::from(1 << 20)
         ));
     }
-    out + "</tbody></table></div>\n<p class=\"note\">Marked rows are on the frontier. Error, noise and bias are root mean squares over the pixels in which something is seen, mean and largest are differences; all are shares of the mean brightness there. error² = noise² + bias².</p></section>\n"
+    out + "</tbody></table></div>\n<p class=\"note\">Marked rows are on the frontier. Error, noise and bias are root mean squares over the pixels in which something is seen, mean and largest are differences; all are shares of the mean brightness there. error² = noise² + bias². “At most” is the error and two standard errors, as far as the reference tells it; advice goes by that.</p></section>\n"
 }
 
 fn left_out(study: &Study) -> String {

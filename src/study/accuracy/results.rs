@@ -104,7 +104,7 @@ impl Study {
 
     fn advise(&self, target: f64) -> Advice {
         let percent = percent(target);
-        let within = self.frontier.iter().copied().find(|&i| self.points[i].errors.rms <= target);
+        let within = self.frontier.iter().copied().find(|&i| self.points[i].errors.at_most <= target);
         let with = |set: &[String]| {
             // The size of the study's pictures is not that of the picture.
             let all = self.overrides.iter().filter(|set| !set.starts_with("camera.resolution=")).chain(set);
@@ -112,14 +112,22 @@ impl Study {
             format!("tress render {} -o picture.exr{set}", quoted(&self.scene))
         };
         let Some(index) = within else {
-            let best = self.points.iter().map(|point| point.errors.rms).fold(f64::INFINITY, f64::min);
+            let least =
+                |of: fn(&Errors) -> f64| self.points.iter().map(|p| of(&p.errors)).fold(f64::INFINITY, f64::min);
+            let [best, sure] = [least(|errors| errors.rms), least(|errors| errors.at_most)];
+            let why = if best <= target {
+                let known = self::percent(self.reference.standard_error);
+                format!(
+                    "the reference, known to {known}, does not tell whether any of these settings is enough (the best err by less than {})",
+                    self::percent(sure)
+                )
+            } else {
+                format!("none of these settings is enough (the best err by {})", self::percent(best))
+            };
             return Advice {
                 target,
                 point: None,
-                text: format!(
-                    "For an error of {percent}, none of these settings is enough (the best err by {}); --max-error finds more.",
-                    self::percent(best)
-                ),
+                text: format!("For an error of {percent}, {why}; --max-error finds more."),
                 command: format!("{} --max-error {target}", with(&[])),
             };
         };
@@ -143,7 +151,7 @@ impl Study {
     #[must_use]
     pub fn csv(&self) -> String {
         let mut text = String::from(
-            "setting,value,frontier,rms,noise,bias,mean,max,flip,cpu_seconds,cpu_spread,wall_seconds,building_cpu,calibrating_cpu,binning_cpu,rendering_cpu,peak_bytes,own_peak,set\n",
+            "setting,value,frontier,rms,at_most,noise,bias,mean,max,flip,cpu_seconds,cpu_spread,wall_seconds,building_cpu,calibrating_cpu,binning_cpu,rendering_cpu,peak_bytes,own_peak,set\n",
         );
         for (index, point) in self.points.iter().enumerate() {
             let e = &point.errors;
@@ -152,11 +160,12 @@ impl Study {
             };
             let noise = e.noise.map_or_else(String::new, |noise| format!("{noise:.6}"));
             text.push_str(&format!(
-                "{},{},{},{:.6},{noise},{:.6},{:.6},{:.6},{:.6},{:.4},{:.4},{:.4},{:.4},{:.4},{:.4},{:.4},{},{},{}\n",
+                "{},{},{},{:.6},{:.6},{noise},{:.6},{:.6},{:.6},{:.6},{:.4},{:.4},{:.4},{:.4},{:.4},{:.4},{:.4},{},{},{}\n",
                 cell(&point.setting),
                 cell(&point.value),
                 u8::from(self.frontier.contains(&index)),
                 e.rms,
+                e.at_most,
                 e.bias,
                 e.mean,
                 e.max,
@@ -221,6 +230,7 @@ pub(super) mod tests {
             set: vec![format!("sampling.layers={value}"), "occlusion.mode=igloo".to_owned()],
             errors: Errors {
                 rms,
+                at_most: 1.1 * rms,
                 noise: Some(rms / 2.0),
                 bias: rms * 0.8,
                 mean: -rms / 3.0,
@@ -289,13 +299,22 @@ pub(super) mod tests {
             study.advice[2].text.contains("1.5 %")
                 && study.advice[2].command.ends_with("--set sampling.seed=7 --max-error 0.01")
         );
+        // What the reference does not tell is not advised.
+        let mut study = sample();
+        for point in &mut study.points {
+            (point.errors.rms, point.errors.at_most) = (0.004, 0.013);
+        }
+        study.conclude();
+        let points: Vec<Option<usize>> = study.advice.iter().map(|advice| advice.point).collect();
+        assert_eq!(points, [Some(1), Some(1), None, None]);
+        assert!(study.advice[2].text.contains("does not tell") && study.advice[2].text.contains("less than 1.3 %"));
     }
 
     #[test]
     fn the_table_has_a_cell_for_each_column() {
         let csv = sample().csv();
         let columns: Vec<usize> = csv.lines().map(|line| line.split(',').count()).collect();
-        assert_eq!(columns, [19; 5]);
+        assert_eq!(columns, [20; 5]);
         assert_eq!([cell("a"), cell("a,\"b\"")], ["a", "\"a,\"\"b\"\"\""]);
         assert_eq!(
             [percent(0.05), percent(0.005), percent(0.1234), percent(-0.0012)],

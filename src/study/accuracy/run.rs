@@ -64,8 +64,10 @@ const SHARE: f64 = 0.2;
 const ENOUGH: f64 = 0.0005;
 
 /// Shares of a budget after which nothing is begun: passes of the reference beyond the first two, and cases.
-const FOR_RENDERS: f64 = 0.85;
+const FOR_RENDERS: f64 = 0.9;
 const FOR_CASES: f64 = 0.95;
+/// Share of it that is kept for the reference: what that does not tell no case can.
+const FOR_REFERENCE: f64 = 0.25;
 
 /// Studies a scene and writes `study.html`, `study.json` and `study.csv` into the folder.
 ///
@@ -77,13 +79,15 @@ pub fn study(scene: &Path, options: &Options, progress: &dyn Progress) -> Result
     let mut state = State::open(&options.folder).map_err(failed)?;
     let Planned { plan, cases, paces, skipped, mut bench } = planned(scene, options, progress)?;
     plan.cut.iter().for_each(|line| progress.message(&format!("budget: {line}")));
-    let mut work = Work { options, state: &mut state, begin, progress, cut: plan.cut.clone(), drift: [0.0; 2] };
+    let mut work =
+        Work { options, state: &mut state, begin, progress, cut: plan.cut.clone(), drift: [0.0; 2], kept: 0.0 };
     progress.stage("studying", (1000.0 * plan.seconds) as u64);
     let set = reference(bench.facts(), REFERENCES[plan.reference]);
     let nothing = || StudyError::Nothing(scene.display().to_string());
     let mut sums = Sums::default();
     work.reference(&mut bench, &set, &mut sums, REFERENCE_PASSES)?;
     sums.halves().ok_or_else(nothing)?;
+    work.kept = options.budget.map_or(0.0, |budget| (FOR_REFERENCE * budget - sums.wall).max(0.0));
     let done = work.cases(&mut bench, &cases, &paces)?;
     work.refine(&mut bench, &set, &mut sums, &done)?;
     let halves = sums.halves().ok_or_else(nothing)?;
@@ -206,6 +210,8 @@ struct Work<'a> {
     cut: Vec<String>,
     /// Seconds that cases took, and those that were expected of them.
     drift: [f64; 2],
+    /// Seconds of the budget that cases leave to the reference.
+    kept: f64,
 }
 
 impl Work<'_> {
@@ -329,7 +335,7 @@ impl Work<'_> {
         // What other work on the machine and a guess from few pixels make of it.
         let [took, expected] = self.drift;
         let factor = if took > 1.0 { (took / expected).clamp(0.1, 4.0) } else { 1.0 };
-        let over = |budget: f64| self.elapsed() + (factor * planned).max(known) > FOR_CASES * budget;
+        let over = |budget: f64| self.elapsed() + (factor * planned).max(known) > FOR_CASES * budget - self.kept;
         // The first of all is done in any case: without it there is nothing to show.
         if (index > 0 || repeat > 0) && self.options.budget.is_some_and(over) {
             return Ok(None);
