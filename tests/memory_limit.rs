@@ -96,6 +96,19 @@ fn renders_to_a_small_error_hold_more_photons() {
     assert!(text.contains("most of it by the map of 2000000 photons"), "{text}");
 }
 
+/// References of renders to an error trace shadows that the picture has from maps.
+#[test]
+fn renders_to_an_error_hold_what_rays_of_their_references_take() {
+    let folder = tempfile::tempdir().unwrap();
+    let lit = with_hair("grow = { on = 'ball', count = 100 }")
+        + "[[light.point]]\nposition = [2, 2, 2]\nintensity = [5, 5, 5]\nshadows = 'deep-map'\n[occlusion]\nmode = 'none'\n";
+    fs::write(folder.path().join("a.toml"), lit).unwrap();
+    let document = scene::load(&folder.path().join("a.toml"), &[]).unwrap();
+    let traces = |work| estimate(&document, work).parts.iter().any(|part| part.what.contains("Embree's tree over"));
+    assert!(!traces(Work::Render { window: None, threads: 2 }));
+    assert!(traces(Work::RenderTo { window: None, threads: 2, photon_sets: Goal::Error(0.05).photon_sets() }));
+}
+
 /// Straight hair on a disc.
 fn hair_file(path: &Path, strands: u32, points: u32) {
     let at = |strand: u32, point: u32| {

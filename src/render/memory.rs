@@ -268,7 +268,9 @@ impl Counts {
         let mut shadows = (light.point.iter().map(|light| light.shadows))
             .chain(light.spot.iter().map(|light| light.shadows))
             .chain(light.directional.iter().map(|light| light.shadows));
-        let raytraced_shadows = shadows.any(|shadows| shadows == Shadows::Raytraced);
+        // Renders to an error, which have several sets of photons, have references with rays in place of maps.
+        let to_error = photon_sets > 1;
+        let raytraced_shadows = shadows.any(|shadows| shadows == Shadows::Raytraced || to_error && shadows.is_map());
         let occluded =
             mode != OcclusionMode::None && (mode != OcclusionMode::Igloo || description.occlusion.wants_calibration());
         if points > 0 && (occluded || raytraced_shadows || !self.surfaces.is_empty() && mode != OcclusionMode::None) {

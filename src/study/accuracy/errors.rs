@@ -6,12 +6,24 @@
 use serde::{Deserialize, Serialize};
 
 use crate::image::{RgbImage, display};
+use crate::render::Film;
 
 /// A picture with its coverage, linear Rec.709.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     pub rgb: RgbImage,
     pub alpha: Vec<f32>,
+}
+
+impl From<&Film> for Picture {
+    fn from(film: &Film) -> Self {
+        let rgb = RgbImage {
+            width: film.width() as u32,
+            height: film.height() as u32,
+            pixels: film.pixels.iter().map(|pixel| pixel.beauty.to_array()).collect(),
+        };
+        Self { rgb, alpha: film.pixels.iter().map(|pixel| pixel.alpha).collect() }
+    }
 }
 
 /// A reference in two independent halves.
@@ -101,6 +113,14 @@ impl Halves {
         self.seen.iter().map(of_pixel).sum::<f64>().sqrt() / (3.0 * self.seen.len() as f64)
     }
 
+    /// The error as [`Self::rms`] has it between what it is at least and at most as far as the reference tells: two standard errors to either side.
+    #[must_use]
+    pub fn range(&self, pictures: &[RgbImage]) -> Option<[f64; 3]> {
+        let rms = self.rms(pictures)?;
+        let reach = 2.0 * self.doubt(pictures) / self.level.powi(2);
+        Some([-reach, 0.0, reach].map(|reach| (rms * rms + reach).max(0.0).sqrt()))
+    }
+
     /// Errors of pictures of the same settings and different seeds; none without any, or where one has another size.
     #[must_use]
     pub fn errors(&self, pictures: &[RgbImage], exposure: f32) -> Option<Errors> {
@@ -125,10 +145,10 @@ impl Halves {
         }
         let variance = (pictures.len() > 1).then(|| spread / (n - 1.0) / count);
         let root = |square: f64| square.max(0.0).sqrt() / self.level;
-        let rms = self.rms(pictures)?;
+        let [_, rms, at_most] = self.range(pictures)?;
         Some(Errors {
             rms,
-            at_most: rms.hypot((2.0 * self.doubt(pictures)).sqrt() / self.level),
+            at_most,
             noise: variance.map(root),
             bias: root(of_mean / count - self.variance - variance.unwrap_or(0.0) / n),
             mean: sum / count / self.level,
@@ -200,7 +220,6 @@ mod tests {
             };
             let reference = Halves::new([1, 2].map(|half| few(picture(0.5, 0.05, 10 * seed + half)))).unwrap();
             let errors = reference.errors(&[picture(0.5, 0.005, 10 * seed + 3).rgb], 0.0).unwrap();
-            // Of a picture with three colours to a pixel.
             let truth = 0.005 / reference.level;
             assert!(errors.at_most < 0.1, "{errors:?}");
             errors.at_most >= truth

@@ -9,11 +9,10 @@ use super::state::{Measured, file_hash, key};
 use crate::effects::Effects;
 use crate::fragment::PixelRect;
 use crate::hash::hash;
-use crate::image::RgbImage;
 use crate::render::progress::Progress;
 use crate::render::statistics::{Watch, peak_memory};
-use crate::render::{self, Earlier, Film, Pass, Prepared, ShadowMaps, with_threads};
-use crate::scene::description::EnvironmentSources;
+use crate::render::{self, Earlier, Pass, Prepared, ShadowMaps, with_threads};
+use crate::scene::description::{EffectName, EnvironmentSources, Shadows};
 use crate::scene::{self, Scene};
 use crate::surface::SurfaceModel;
 
@@ -114,7 +113,7 @@ impl<'a> Bench<'a> {
             segments: scene.hair.segments(),
             size: scene.space.scene_length(1.0),
             sources_left: environment.file.is_some() && environment.sources == EnvironmentSources::None,
-            lamps: scene.shadows.iter().map(|shadows| (shadows.key.clone(), shadows.mode)).collect(),
+            lamps: lamps(&scene),
         };
         let (path, maps) = (path.to_owned(), ShadowMaps::default());
         Ok(Self { path, fixed, scene, window, facts, surfaces, maps, threads, seed, base, progress })
@@ -186,7 +185,7 @@ impl<'a> Bench<'a> {
         let (film, statistics) = render::render_again(&mut self.scene, &options, earlier, &Quiet(self.progress))?;
         let (key, label) = (self.key(set, seed), label.to_owned());
         let measured = Measured { key, label, seed, stages: statistics.stages, peak_bytes: peak_memory(), own_peak };
-        Ok((measured, picture(&film)))
+        Ok((measured, Picture::from(&film)))
     }
 
     /// Passes of one set of settings, one for each seed. What is random before the first pass (photons) they share: it is drawn by the first
@@ -215,7 +214,7 @@ impl<'a> Bench<'a> {
                 stages.push(watch.stage("rendering"));
                 let key = key(&[&base, &set.join("\n"), &seed.to_string()]);
                 let label = label.to_owned();
-                done(Measured { key, label, seed, stages, peak_bytes: peak_memory(), own_peak }, picture(&film))?;
+                done(Measured { key, label, seed, stages, peak_bytes: peak_memory(), own_peak }, Picture::from(&film))?;
             }
             Ok(())
         })?
@@ -250,21 +249,21 @@ impl<'a> Bench<'a> {
     }
 }
 
+/// Keys of the lights without extent, and how their shadows are found. None where a way to find them is left out: a light that were given that way had no shadow.
+fn lamps(scene: &Scene) -> Vec<(String, Shadows)> {
+    let without = scene.description().effects.without.iter().flat_map(|effect| effect.parts());
+    let way = |effect: &EffectName| matches!(effect, EffectName::RayTracedShadows | EffectName::DeepShadowMaps);
+    let left_out = without.copied().any(|effect| way(&effect));
+    let lamps = scene.shadows.iter().filter(|_| !left_out);
+    lamps.map(|shadows| (shadows.key.clone(), shadows.mode)).collect()
+}
+
 /// As many pixels around the middle of a rectangle; all of it without a size.
 fn middle(crop: &PixelRect, size: Option<[u32; 2]>) -> PixelRect {
     let whole = [0, 1].map(|axis| crop.max[axis] - crop.min[axis]);
     let size = size.unwrap_or(whole);
     let min = [0, 1].map(|axis| crop.min[axis] + (whole[axis] - size[axis].min(whole[axis])) / 2);
     PixelRect { min, max: [0, 1].map(|axis| (min[axis] + size[axis]).min(crop.max[axis])) }
-}
-
-fn picture(film: &Film) -> Picture {
-    let rgb = RgbImage {
-        width: film.width() as u32,
-        height: film.height() as u32,
-        pixels: film.pixels.iter().map(|pixel| pixel.beauty.to_array()).collect(),
-    };
-    Picture { rgb, alpha: film.pixels.iter().map(|pixel| pixel.alpha).collect() }
 }
 
 /// Lets the kernel forget the largest resident memory of this process so far; whether it did.
@@ -276,6 +275,19 @@ fn reset_peak() -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lights_are_not_given_shadows_that_are_left_out() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/shadows.toml");
+        let of = |set: &[&str]| {
+            let set: Vec<String> = set.iter().map(|set| (*set).to_owned()).collect();
+            lamps(&Scene::load(scene::load(&path, &set).unwrap()).unwrap())
+        };
+        let modes: Vec<Shadows> = of(&[]).into_iter().map(|(_, shadows)| shadows).collect();
+        assert_eq!(modes, [Shadows::Raytraced, Shadows::DeepMap, Shadows::Map]);
+        // A reference that traced the map's lamp would have no shadow of it.
+        assert!(of(&["effects.without=[\"ray-traced-shadows\"]"]).is_empty());
+    }
 
     #[test]
     fn a_crop_shrinks_around_its_middle() {

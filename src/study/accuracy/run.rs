@@ -67,7 +67,7 @@ const ENOUGH: f64 = 0.0005;
 const FOR_RENDERS: f64 = 0.9;
 const FOR_CASES: f64 = 0.95;
 /// Share of it that is kept for the reference: what that does not tell no case can.
-const FOR_REFERENCE: f64 = 0.25;
+const LEFT_FOR_REFERENCE: f64 = 0.25;
 
 /// Studies a scene and writes `study.html`, `study.json` and `study.csv` into the folder.
 ///
@@ -87,7 +87,7 @@ pub fn study(scene: &Path, options: &Options, progress: &dyn Progress) -> Result
     let mut sums = Sums::default();
     work.reference(&mut bench, &set, &mut sums, REFERENCE_PASSES)?;
     sums.halves().ok_or_else(nothing)?;
-    work.kept = options.budget.map_or(0.0, |budget| (FOR_REFERENCE * budget - sums.wall).max(0.0));
+    work.kept = options.budget.map_or(0.0, |budget| (LEFT_FOR_REFERENCE * budget - sums.wall).max(0.0));
     let done = work.cases(&mut bench, &cases, &paces)?;
     work.refine(&mut bench, &set, &mut sums, &done)?;
     let halves = sums.halves().ok_or_else(nothing)?;

@@ -246,7 +246,10 @@ pub const SWEPT: &[Swept] = &[
         with: &[],
         idle: |facts| {
             let shadowed = facts.has_lamp(|shadows| shadows != Shadows::None);
-            unless(facts.effects.hair && shadowed, "no point, spot or directional light has shadows of hair")
+            unless(
+                facts.effects.hair && shadowed,
+                "no point, spot or directional light has shadows of hair, or effects.without leaves a way to find them out",
+            )
         },
     },
     Swept {
