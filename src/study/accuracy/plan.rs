@@ -14,6 +14,9 @@ const FOR_RENDERS: f64 = 0.85;
 /// Share of it for the reference, where a coarser one is to be had.
 const FOR_REFERENCE: f64 = 0.4;
 
+/// Share of a budget that is kept for the reference: what that does not tell no case can.
+pub(super) const LEFT_FOR_REFERENCE: f64 = 0.25;
+
 /// What is gained by larger pictures: of this power of their pixels, against a number of cases. Cases that take a time a pixel are worth more than pixels
 /// by it, those that take long before the first pixel less.
 const OF_PIXELS: f64 = 0.4;
@@ -67,10 +70,16 @@ impl Wish<'_> {
         Pace { before: pace.before, pixel: pace.pixel * f64::from(REFERENCE_PASSES) }
     }
 
+    /// Wall seconds of the reference: what its passes take that are planned for, or what is kept for more of them.
+    fn seconds_of_reference(&self, place: usize, pixels: f64) -> f64 {
+        let kept = LEFT_FOR_REFERENCE * self.budget.unwrap_or(0.0);
+        self.of_reference(place).of(pixels).max(kept)
+    }
+
     /// Wall seconds of all renders but for some.
     fn seconds(&self, reference: usize, repeats: u32, left_out: &[usize], pixels: f64) -> f64 {
         let cases = (0..self.cases.len()).filter(|i| !left_out.contains(i)).map(|i| self.cases[i].of(pixels));
-        self.of_reference(reference).of(pixels) + f64::from(repeats) * cases.sum::<f64>()
+        self.seconds_of_reference(reference, pixels) + f64::from(repeats) * cases.sum::<f64>()
     }
 
     /// The finest reference that keeps to its share.
@@ -82,7 +91,7 @@ impl Wish<'_> {
     /// What does not fit at a size: all but the cheapest that do.
     fn left_out(&self, time: f64, reference: usize, repeats: u32, pixels: f64) -> Vec<usize> {
         let price = |i: usize| f64::from(repeats) * self.cases[i].of(pixels);
-        let mut left = time - self.of_reference(reference).of(pixels) - (0..self.kept).map(price).sum::<f64>();
+        let mut left = time - self.seconds_of_reference(reference, pixels) - (0..self.kept).map(price).sum::<f64>();
         let mut order: Vec<usize> = (self.kept..self.cases.len()).collect();
         order.sort_by(|&a, &b| price(a).total_cmp(&price(b)));
         let mut left_out = order.split_off(
@@ -203,7 +212,14 @@ mod tests {
         let plan = of(&[&[CHEAP; 25][..], &[SLOW_START]].concat(), &[REFERENCE], Some(60.0));
         assert_eq!((plan.left_out, plan.repeats), (vec![25], 2));
         // Each takes a second before its first pixel: once each, and still more than half of them.
-        let plan = of(&[Pace { before: 1.0, pixel: 1e-4 }; 60], &[REFERENCE], Some(60.0));
-        assert!(plan.left_out.len() < 30 && plan.repeats == 1 && plan.seconds <= 60.0, "{plan:?}");
+        let plan = of(&[Pace { before: 1.0, pixel: 1e-4 }; 60], &[REFERENCE], Some(75.0));
+        assert!(plan.left_out.len() < 30 && plan.repeats == 1 && plan.seconds <= 75.0, "{plan:?}");
+    }
+
+    #[test]
+    fn a_share_of_the_time_is_kept_for_the_reference() {
+        // Half a second each at any size, and a reference that takes next to nothing: 24 of 40 s are left for them, 10 kept, 6 not planned with.
+        let plan = of(&[Pace { before: 0.5, pixel: 0.0 }; 100], &[Pace { before: 0.1, pixel: 0.0 }], Some(40.0));
+        assert_eq!((plan.repeats, 100 - plan.left_out.len()), (1, 48), "{plan:?}");
     }
 }

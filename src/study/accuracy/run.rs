@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::errors::{Halves, Picture};
 use super::measure::{Bench, Pace};
 use super::page::{Shown, page};
-use super::plan::{Plan, REFERENCE_PASSES, Wish};
+use super::plan::{LEFT_FOR_REFERENCE, Plan, REFERENCE_PASSES, Wish};
 use super::probing::{Paces, probe};
 use super::results::{Machine, Point, Reference, Study};
 use super::settings::{Case, KNOB, REFERENCES, Skipped, cases, reference};
@@ -66,8 +66,6 @@ const ENOUGH: f64 = 0.0005;
 /// Shares of a budget after which nothing is begun: passes of the reference beyond the first two, and cases.
 const FOR_RENDERS: f64 = 0.9;
 const FOR_CASES: f64 = 0.95;
-/// Share of it that is kept for the reference: what that does not tell no case can.
-const LEFT_FOR_REFERENCE: f64 = 0.25;
 
 /// Studies a scene and writes `study.html`, `study.json` and `study.csv` into the folder.
 ///
