@@ -1,8 +1,7 @@
 //! The program on damaged and odd files: it uses them rightly or says clearly what is wrong, in bounded time and memory.
 //!
-//! Every run is a process of its own. Exit code 0 comes with output, 3 with an error that names the file; a signal, a
-//! panic (1), twenty seconds or 1 GiB are failures. Where there are thousands of files one process gets some hundreds of
-//! them, and a minute.
+//! Exit code 0 comes with output, 3 with an error that names the file; a signal, a panic (1), twenty seconds or 1 GiB are
+//! failures. Where there are many files one process gets some hundreds of them, and a minute.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -125,16 +124,17 @@ fn is_material(file: &Path) -> bool {
     file.extension().is_some_and(|ending| ending == "mtl")
 }
 
-/// One process for all files: each is either described or refused, whatever came before it.
-fn assert_each_is_reported(files: &[PathBuf]) {
-    if files.is_empty() {
+/// Runs a subcommand on what some hundreds of jobs name: each file is either described or refused, whatever came before it.
+fn assert_each_is_reported(command: &str, jobs: &[Job]) {
+    if jobs.is_empty() {
         return;
     }
-    let arguments: Vec<PathBuf> = std::iter::once("info".into()).chain(files.iter().cloned()).collect();
+    let named = jobs.iter().map(|job| job.arguments[1].clone());
+    let arguments: Vec<PathBuf> = std::iter::once(command.into()).chain(named).collect();
     let (code, out, err) = run(&arguments).unwrap();
     assert!(code == 0 || code == 3, "{code}: {err}");
-    for file in files {
-        let name = format!("{}", file.display());
+    for job in jobs {
+        let name = format!("{}", job.arguments[1].display());
         let described = out.lines().filter(|line| line.starts_with(&format!("{name}: "))).count();
         // Both ends matter: "a.hdr" is the beginning of "a.hdr.reference.tiff".
         let refused = err.lines().any(|line| {
@@ -142,31 +142,31 @@ fn assert_each_is_reported(files: &[PathBuf]) {
             line.starts_with("error: ") && after.any(|rest| rest.starts_with([':', ',', ' ']))
         });
         assert_eq!(described + usize::from(refused), 1, "{name}\n{out}{err}");
+        assert!(refused || !job.must_fail, "{} is taken for sound\n{out}", job.file.display());
     }
+}
+
+/// All jobs of a subcommand, by processes that get some hundreds each.
+fn assert_batches_are_reported(command: &str, jobs: &[Job]) {
+    jobs.chunks(BATCH).for_each(|some| assert_each_is_reported(command, some));
+    let peak = getrusage(UsageWho::RUSAGE_CHILDREN).unwrap().max_rss();
+    assert!(peak <= MEMORY_LIMIT, "{peak} KiB");
+    eprintln!("{} files, {} MiB at most", jobs.len(), peak >> 10);
 }
 
 #[test]
 fn bad_files_are_described_or_refused() {
-    assert_each_is_reported(&bad_files());
+    assert_batches_are_reported("info", &bad_files().iter().map(|file| info(file, false)).collect::<Vec<_>>());
 }
 
 #[test]
 fn bad_files_in_scenes_are_used_or_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let is_obj = |file: &PathBuf| file.extension().is_some_and(|ending| ending == "obj");
-    let (meshes, others): (Vec<_>, Vec<_>) = bad_files().into_iter().filter(|f| !is_material(f)).partition(is_obj);
-    let files = meshes.into_iter().chain(others.into_iter().step_by(6));
-    assert_all(&files.map(|file| check(folder.path(), &file, false)).collect::<Vec<_>>());
-}
-
-#[test]
-#[ignore = "slow: two processes for each of many files"]
-fn every_bad_file_alone() {
-    let folder = tempfile::tempdir().unwrap();
-    let files = bad_files();
-    let infos = files.iter().map(|file| info(file, false));
-    let checks = files.iter().filter(|file| !is_material(file)).map(|file| check(folder.path(), file, false));
-    assert_all(&infos.chain(checks).collect::<Vec<_>>());
+    let files: Vec<PathBuf> = bad_files().into_iter().filter(|file| !is_material(file)).collect();
+    let checks: Vec<Job> = files.iter().map(|file| check(folder.path(), file, false)).collect();
+    assert_batches_are_reported("check", &checks);
+    // What one file leaves behind must not hide what the next would do alone.
+    assert_all(&checks.into_iter().step_by(24).collect::<Vec<_>>());
 }
 
 /// A sound file of each kind, small enough that many cuts are quick, and whether every shorter file is damaged.
@@ -231,31 +231,20 @@ fn cuts(file: &Path) -> Vec<PathBuf> {
 fn files_cut_short_are_described_or_refused() {
     let folder = tempfile::tempdir().unwrap();
     let files = sound_files(folder.path());
-    let sound: Vec<Job> =
-        files.iter().flat_map(|(file, _)| [info(file, false), check(folder.path(), file, false)]).collect();
-    for job in &sound {
-        let (code, _, err) = run(&job.arguments).unwrap();
-        assert_eq!(code, 0, "the whole file must be sound: {err}");
+    let mut cut = [Vec::new(), Vec::new()];
+    for (file, strict) in &files {
+        for job in [info(file, false), check(folder.path(), file, false)] {
+            let (code, _, err) = run(&job.arguments).unwrap();
+            assert_eq!(code, 0, "the whole file must be sound: {err}");
+        }
+        for short in cuts(file) {
+            cut[0].push(info(&short, false));
+            cut[1].push(check(folder.path(), &short, *strict));
+        }
     }
-    let all: Vec<PathBuf> = files.iter().flat_map(|(file, _)| cuts(file)).collect();
-    assert_each_is_reported(&all);
-    let some = files.iter().flat_map(|(file, strict)| {
-        let cuts = cuts(file).into_iter().skip(1).step_by(11);
-        cuts.map(|cut| check(folder.path(), &cut, *strict)).collect::<Vec<_>>()
-    });
-    assert_all(&some.collect::<Vec<_>>());
-}
-
-#[test]
-#[ignore = "slow: a process for each of many files"]
-fn every_cut_alone() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut jobs = Vec::new();
-    for (file, strict) in sound_files(folder.path()) {
-        jobs.extend(cuts(&file).iter().map(|cut| check(folder.path(), cut, strict)));
-    }
-    assert!(jobs.len() > 7 * 24);
-    assert_all(&jobs);
+    assert!(cut[1].len() > 7 * 24);
+    assert_batches_are_reported("info", &cut[0]);
+    assert_batches_are_reported("check", &cut[1]);
 }
 
 /// A header alone must not make the program hold what it promises.
@@ -350,14 +339,6 @@ fn shorten(path: &Path, ending: &str, small: &Path) {
     }
 }
 
-/// Each of many files is described or refused, by processes that get some hundreds each.
-fn assert_batches_are_reported(files: &[PathBuf]) {
-    files.chunks(BATCH).for_each(assert_each_is_reported);
-    let peak = getrusage(UsageWho::RUSAGE_CHILDREN).unwrap().max_rss();
-    assert!(peak <= MEMORY_LIMIT, "{peak} KiB");
-    eprintln!("{} files, {} MiB at most", files.len(), peak >> 10);
-}
-
 #[test]
 fn files_cut_at_each_64th_byte_are_described_or_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -376,7 +357,7 @@ fn files_cut_at_each_64th_byte_are_described_or_refused() {
     // Real files add some eight hundred; a clone without them has its own small ones.
     let real = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/hair")).is_dir();
     assert!(files.len() > if real { 800 } else { 50 }, "{}", files.len());
-    assert_batches_are_reported(&files);
+    assert_batches_are_reported("info", &files.iter().map(|file| info(file, false)).collect::<Vec<_>>());
 }
 
 /// How many bytes of a file count as its header: what says how the rest is to be read.
@@ -411,5 +392,5 @@ fn each_bit_of_a_header_may_be_wrong() {
         }
     }
     assert!(files.len() > 5 * 8 * 80, "{}", files.len());
-    assert_batches_are_reported(&files);
+    assert_batches_are_reported("info", &files.iter().map(|file| info(file, false)).collect::<Vec<_>>());
 }

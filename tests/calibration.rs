@@ -23,10 +23,22 @@ fn models(strands: u32, segments: u32, width: f32) -> Vec<(String, HairModel)> {
     both.map(|(style, t)| (format!("{style:?} t {t}"), grow(style, strands, segments, width, t))).collect()
 }
 
-/// Root mean square error on held-out points, the noise of the truth (rays with a deviation of 1/4 at most) included.
-fn error(hair: &Calibrated<'_>, receivers: &[Receiver], fineness: Fineness, rays: u32) -> Difference {
-    let truth = traced(&hair.rays, hair.model, receivers, rays);
-    Difference::between(&hair.means(receivers, FACES, fineness), &truth)
+/// Held-out points and their truth by rays.
+struct Judge<'a> {
+    hair: &'a Calibrated<'a>,
+    receivers: &'a [Receiver],
+    truth: Vec<f64>,
+}
+
+impl<'a> Judge<'a> {
+    fn new(hair: &'a Calibrated<'a>, receivers: &'a [Receiver], rays: u32) -> Self {
+        Self { hair, receivers, truth: traced(&hair.rays, hair.model, receivers, rays) }
+    }
+
+    /// Root mean square error on the points, the noise of the truth (rays with a deviation of 1/4 at most) included.
+    fn error(&self, fineness: Fineness) -> Difference {
+        Difference::between(&self.hair.means(self.receivers, FACES, fineness), &self.truth)
+    }
 }
 
 fn line(found: &Calibration) -> String {
@@ -47,7 +59,7 @@ fn the_claimed_error_is_that_of_other_points() {
             ("floor", points(|n| on_floor(-1.6, n), 128)),
         ] {
             let found = hair.find(&found_on, FACES, 0.01);
-            let error = error(&hair, &others, found.fineness, 4096);
+            let error = Judge::new(&hair, &others, 4096).error(found.fineness);
             println!("{name}, {place}: {}, others {error}", line(&found));
             assert!(error.rms < 1.5 * found.error + 0.002, "{name}, {place}: {}, others {error}", line(&found));
         }
@@ -58,9 +70,10 @@ fn table(models: &[(String, HairModel)], accuracies: &[f64], count: u32, rays: u
     for (name, model) in models {
         let hair = Calibrated::new(model);
         for [found_on, others] in [points(|n| on_hair(model, n), count), points(|n| on_floor(-1.6, n), count)] {
+            let judge = Judge::new(&hair, &others, rays);
             for &accuracy in accuracies {
                 let found = hair.find(&found_on, FACES, accuracy);
-                let error = error(&hair, &others, found.fineness, rays);
+                let error = judge.error(found.fineness);
                 println!("{name}, {accuracy}: {}, others {error}", line(&found));
                 assert!(
                     !found.reached || error.rms <= 1.25 * accuracy,
@@ -95,7 +108,8 @@ fn a_finer_accuracy_gives_no_coarser_error() {
         for receivers in [on_hair(&model, 32), on_floor(-1.6, 32)] {
             let found = [0.04, 0.02, 0.01, 0.005].map(|accuracy| hair.find(&receivers, FACES, accuracy));
             // Claims for coarse accuracies come from few rays and are noisy; these errors are not.
-            let errors = found.map(|found| error(&hair, &receivers, found.fineness, 8_000).rms);
+            let judge = Judge::new(&hair, &receivers, 8_000);
+            let errors = found.map(|found| judge.error(found.fineness).rms);
             for i in 1..found.len() {
                 println!("{style:?} t {transparency}: {}, truly {:.5}", line(&found[i]), errors[i]);
                 // The truth has noise of at most 1/4 a ray over the root of 8,000 rays, .0028.

@@ -131,6 +131,17 @@ fn check_lists_every_fault() {
 }
 
 #[test]
+fn check_looks_at_every_scene_that_it_is_given() {
+    let folder = folder("environment.color = [1, 1, 1]\nsurface = [{ sphere = {} }]\n");
+    fs::write(folder.path().join("bad.toml"), "camera.fov = 500\n").unwrap();
+    let (code, out, err) = run(folder.path(), &["check", "bad.toml", "none.toml", "scene.toml"]);
+    assert_eq!(code, 3);
+    assert!(out.starts_with("scene.toml: sound") && out.matches(": sound").count() == 1, "{out}");
+    let errors: Vec<&str> = err.lines().filter(|line| line.starts_with("error: ")).collect();
+    assert!(errors.len() == 2 && errors[0].contains("bad.toml:1:14") && errors[1].contains("none.toml"), "{err}");
+}
+
+#[test]
 fn warnings_are_printed_unless_quiet() {
     let folder = folder("");
     let (code, out, err) = run(folder.path(), &["check", "scene.toml"]);

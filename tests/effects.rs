@@ -107,7 +107,8 @@ fn what_is_forced_on_changes_no_pixel_of_any_scene() {
     paths.sort();
     assert!(paths.len() >= 5, "{paths:?}");
     for path in paths {
-        let small = ["camera.resolution=[14, 10]".to_owned(), "indirect.photons=20000".to_owned()];
+        let small = ["camera.resolution=[14, 10]", "indirect.photons=20000", "indirect.caustic_photons=10000"];
+        let small = small.map(str::to_owned);
         let mut document = scene::load(&path, &small).unwrap_or_else(|e| panic!("{e}"));
         // A twentieth of the hair: what the pixels are asked for is the same.
         for grow in document.description.hair.iter_mut().filter_map(|hair| hair.grow.as_mut()) {

@@ -52,7 +52,7 @@ fn contrast(picture: &RgbImage, [x0, y0, x1, y1]: [f64; 4]) -> f64 {
 #[test]
 #[ignore = "slow: whole pictures with photons"]
 fn in_the_cornell_box_walls_colour_the_hair_and_occlusion_keeps_its_structure() {
-    let drawn = draw(1, [120, 120], &[]);
+    let drawn = draw(1, [90, 90], &["indirect.photons=50000"]);
     let [direct, free, ours] = [0, 1, 2].map(|n| &drawn.panels[n]);
     // What gathering adds, on the hair's left and right.
     let gain = |region| {

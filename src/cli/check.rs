@@ -1,6 +1,6 @@
-//! `tress check`: finds the faults of a scene and of the files that it names, without rendering it.
+//! `tress check`: finds the faults of scenes and of the files that they name, without rendering them.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::memory::Memory;
 use super::{Failure, Overrides, Verbosity, exit, load, log};
@@ -8,11 +8,12 @@ use crate::illumination::{Mapping, Radiance};
 use crate::render::memory::Work;
 use crate::scene::{AssetError, Scene};
 
-/// Check a scene and all files it names, and list every fault with its line; render nothing
+/// Check scenes and all files they name, and list every fault with its line; render nothing
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// The scene file (.toml or .json)
-    scene: PathBuf,
+    /// The scene files (.toml or .json)
+    #[arg(required = true, value_name = "SCENE")]
+    scenes: Vec<PathBuf>,
     #[command(flatten)]
     overrides: Overrides,
     #[command(flatten)]
@@ -23,7 +24,19 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Failure> {
-    let document = load(&arguments.scene, &arguments.overrides.all(), verbosity)?;
+    let mut faults = Vec::new();
+    for scene in &arguments.scenes {
+        match examine(scene, &arguments, verbosity) {
+            // The next scene is looked at all the same.
+            Err(Failure::Input(fault)) => faults.push(fault),
+            ended => ended?,
+        }
+    }
+    if faults.is_empty() { Ok(()) } else { Err(Failure::Input(faults.join("\n"))) }
+}
+
+fn examine(scene: &Path, arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {
+    let document = load(scene, &arguments.overrides.all(), verbosity)?;
     let document = document.at_frame(arguments.frame);
     arguments.memory.check(&document, Work::Check)?;
     let scene = Scene::load(document)?;

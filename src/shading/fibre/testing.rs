@@ -35,7 +35,7 @@ pub fn integral(rows: u32, columns: u32, mut f: impl FnMut(Vec3) -> Vec3) -> Vec
 
 /// The sampler's directions fall as its density says: the chi-squared test over 20 x 24 parts of equal area.
 pub fn samples_follow_their_density(fibre: &dyn Fibre, at: &StrandPoint) {
-    let (rows, columns, count, inner) = (20_usize, 24_usize, 100_000_u32, 24);
+    let (rows, columns, count, inner) = (20_usize, 24_usize, 100_000_u32, 16);
     let mut found = vec![0.0_f64; rows * columns];
     for n in 0..count {
         let random = [0, 1, 2, 3].map(|axis| to_unit(hash(&[n, axis, 77])));
