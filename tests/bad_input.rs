@@ -85,6 +85,10 @@ fn info(file: &Path, must_fail: bool) -> Job {
     Job { arguments: vec!["info".into(), file.into()], file: file.into(), must_fail }
 }
 
+fn infos(files: &[PathBuf]) -> Vec<Job> {
+    files.iter().map(|file| info(file, false)).collect()
+}
+
 /// A check of a scene, made in `folder`, that uses the file as what it is.
 fn check(folder: &Path, file: &Path, must_fail: bool) -> Job {
     static NUMBER: AtomicUsize = AtomicUsize::new(0);
@@ -124,15 +128,12 @@ fn is_material(file: &Path) -> bool {
     file.extension().is_some_and(|ending| ending == "mtl")
 }
 
-/// Runs a subcommand on what some hundreds of jobs name: each file is either described or refused, whatever came before it.
-fn assert_each_is_reported(command: &str, jobs: &[Job]) {
-    if jobs.is_empty() {
-        return;
-    }
+/// Runs some hundreds of jobs of one subcommand as one: each file is either described or refused, whatever came before it.
+fn assert_each_is_reported(jobs: &[Job]) {
     let named = jobs.iter().map(|job| job.arguments[1].clone());
-    let arguments: Vec<PathBuf> = std::iter::once(command.into()).chain(named).collect();
+    let arguments: Vec<PathBuf> = std::iter::once(jobs[0].arguments[0].clone()).chain(named).collect();
     let (code, out, err) = run(&arguments).unwrap();
-    assert!(code == 0 || code == 3, "{code}: {err}");
+    let mut sound = true;
     for job in jobs {
         let name = format!("{}", job.arguments[1].display());
         let described = out.lines().filter(|line| line.starts_with(&format!("{name}: "))).count();
@@ -143,12 +144,14 @@ fn assert_each_is_reported(command: &str, jobs: &[Job]) {
         });
         assert_eq!(described + usize::from(refused), 1, "{name}\n{out}{err}");
         assert!(refused || !job.must_fail, "{} is taken for sound\n{out}", job.file.display());
+        sound &= !refused;
     }
+    assert_eq!(code, if sound { 0 } else { 3 }, "{err}");
 }
 
 /// All jobs of a subcommand, by processes that get some hundreds each.
-fn assert_batches_are_reported(command: &str, jobs: &[Job]) {
-    jobs.chunks(BATCH).for_each(|some| assert_each_is_reported(command, some));
+fn assert_batches_are_reported(jobs: &[Job]) {
+    jobs.chunks(BATCH).for_each(assert_each_is_reported);
     let peak = getrusage(UsageWho::RUSAGE_CHILDREN).unwrap().max_rss();
     assert!(peak <= MEMORY_LIMIT, "{peak} KiB");
     eprintln!("{} files, {} MiB at most", jobs.len(), peak >> 10);
@@ -156,7 +159,7 @@ fn assert_batches_are_reported(command: &str, jobs: &[Job]) {
 
 #[test]
 fn bad_files_are_described_or_refused() {
-    assert_batches_are_reported("info", &bad_files().iter().map(|file| info(file, false)).collect::<Vec<_>>());
+    assert_batches_are_reported(&infos(&bad_files()));
 }
 
 #[test]
@@ -164,7 +167,7 @@ fn bad_files_in_scenes_are_used_or_refused() {
     let folder = tempfile::tempdir().unwrap();
     let files: Vec<PathBuf> = bad_files().into_iter().filter(|file| !is_material(file)).collect();
     let checks: Vec<Job> = files.iter().map(|file| check(folder.path(), file, false)).collect();
-    assert_batches_are_reported("check", &checks);
+    assert_batches_are_reported(&checks);
     // What one file leaves behind must not hide what the next would do alone.
     assert_all(&checks.into_iter().step_by(24).collect::<Vec<_>>());
 }
@@ -231,20 +234,20 @@ fn cuts(file: &Path) -> Vec<PathBuf> {
 fn files_cut_short_are_described_or_refused() {
     let folder = tempfile::tempdir().unwrap();
     let files = sound_files(folder.path());
-    let mut cut = [Vec::new(), Vec::new()];
+    let (mut short_files, mut checks) = (Vec::new(), Vec::new());
     for (file, strict) in &files {
         for job in [info(file, false), check(folder.path(), file, false)] {
             let (code, _, err) = run(&job.arguments).unwrap();
             assert_eq!(code, 0, "the whole file must be sound: {err}");
         }
         for short in cuts(file) {
-            cut[0].push(info(&short, false));
-            cut[1].push(check(folder.path(), &short, *strict));
+            checks.push(check(folder.path(), &short, *strict));
+            short_files.push(short);
         }
     }
-    assert!(cut[1].len() > 7 * 24);
-    assert_batches_are_reported("info", &cut[0]);
-    assert_batches_are_reported("check", &cut[1]);
+    assert!(checks.len() > 7 * 24);
+    assert_batches_are_reported(&infos(&short_files));
+    assert_batches_are_reported(&checks);
 }
 
 /// A header alone must not make the program hold what it promises.
@@ -357,7 +360,7 @@ fn files_cut_at_each_64th_byte_are_described_or_refused() {
     // Real files add some eight hundred; a clone without them has its own small ones.
     let real = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/hair")).is_dir();
     assert!(files.len() > if real { 800 } else { 50 }, "{}", files.len());
-    assert_batches_are_reported("info", &files.iter().map(|file| info(file, false)).collect::<Vec<_>>());
+    assert_batches_are_reported(&infos(&files));
 }
 
 /// How many bytes of a file count as its header: what says how the rest is to be read.
@@ -392,5 +395,5 @@ fn each_bit_of_a_header_may_be_wrong() {
         }
     }
     assert!(files.len() > 5 * 8 * 80, "{}", files.len());
-    assert_batches_are_reported("info", &files.iter().map(|file| info(file, false)).collect::<Vec<_>>());
+    assert_batches_are_reported(&infos(&files));
 }

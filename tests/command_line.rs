@@ -139,6 +139,12 @@ fn check_looks_at_every_scene_that_it_is_given() {
     assert!(out.starts_with("scene.toml: sound") && out.matches(": sound").count() == 1, "{out}");
     let errors: Vec<&str> = err.lines().filter(|line| line.starts_with("error: ")).collect();
     assert!(errors.len() == 2 && errors[0].contains("bad.toml:1:14") && errors[1].contains("none.toml"), "{err}");
+    // Of several scenes it must be told which one an override does not fit.
+    fs::write(folder.path().join("bald.toml"), "environment.color = [1, 1, 1]\n").unwrap();
+    let (code, out, err) =
+        run(folder.path(), &["check", "-q", "scene.toml", "bald.toml", "--set", "surface[0].color=[1, 1, 1]"]);
+    assert_eq!((code, out.as_str()), (3, ""));
+    assert!(err.starts_with("error: bald.toml: --set surface[0].color") && err.lines().count() == 1, "{err}");
 }
 
 #[test]

@@ -28,11 +28,20 @@ pub(crate) fn run(arguments: Arguments, verbosity: Verbosity) -> Result<(), Fail
     for scene in &arguments.scenes {
         match examine(scene, &arguments, verbosity) {
             // The next scene is looked at all the same.
+            Err(Failure::Input(fault)) if arguments.scenes.len() > 1 => {
+                faults.extend(fault.lines().map(|line| naming(scene, line)));
+            }
             Err(Failure::Input(fault)) => faults.push(fault),
             ended => ended?,
         }
     }
-    if faults.is_empty() { Ok(()) } else { Err(Failure::Input(faults.join("\n"))) }
+    exit::unless_faulty(&faults)
+}
+
+/// A fault with its scene's name: what is wrong with `--set` may be so for one of several.
+fn naming(scene: &Path, fault: &str) -> String {
+    let name = scene.display().to_string();
+    if fault.contains(&name) { fault.to_owned() } else { format!("{name}: {fault}") }
 }
 
 fn examine(scene: &Path, arguments: &Arguments, verbosity: Verbosity) -> Result<(), Failure> {

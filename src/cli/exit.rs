@@ -98,6 +98,11 @@ fn bug_message(info: &panic::PanicHookInfo<'_>) -> String {
     )
 }
 
+/// What a subcommand that looks at several files ends with: every fault that was found, or none.
+pub(crate) fn unless_faulty(faults: &[String]) -> Result<(), Failure> {
+    if faults.is_empty() { Ok(()) } else { Err(Failure::Input(faults.join("\n"))) }
+}
+
 /// Writes a file of text, whole or not at all; `what` is in the message, as in "cannot write statistics".
 pub(crate) fn write_text(path: &Path, text: &str, what: &str) -> Result<(), Failure> {
     write_whole(path, |out| out.write_all(text.as_bytes()))

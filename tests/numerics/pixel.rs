@@ -63,3 +63,15 @@ fn the_command_line_prints_a_pixel_as_text_and_as_json() {
     let (code, _, said) = tress(&["render", &path, "--pixel", "3"]);
     assert_eq!((code, said.contains("120,80")), (Some(2), true), "{said}");
 }
+
+#[test]
+#[ignore = "slow: the whole self-test"]
+fn the_self_test_passes_and_says_so() {
+    let (code, text, said) = tress(&["selftest"]);
+    assert_eq!(code, Some(0), "{text}{said}");
+    assert!(text.contains("keep their bounds"), "{text}");
+    let (code, json, _) = tress(&["selftest", "--json"]);
+    let outcomes: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    assert_eq!(code, Some(0));
+    assert!(outcomes.as_array().expect("a list").iter().all(|outcome| outcome["ok"] == true));
+}

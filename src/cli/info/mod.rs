@@ -43,7 +43,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<(), Failure> {
         let json = serde_json::to_string_pretty(&found).map_err(|e| Failure::Bug(format!("JSON: {e}")))?;
         exit::print(format!("{json}\n").as_bytes())?;
     }
-    if failures.is_empty() { Ok(()) } else { Err(Failure::Input(failures.join("\n"))) }
+    exit::unless_faulty(&failures)
 }
 
 /// Everything that is known of a file, or a message that names it.
