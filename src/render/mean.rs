@@ -4,6 +4,7 @@ use glam::{DVec3, Vec3};
 
 use super::film::{EMPTY_DEPTH, Film, Pixel};
 use super::pass::Pass;
+use crate::fragment::PixelRect;
 
 /// Passes added up one after the other, in `f64`.
 #[derive(Clone, Debug)]
@@ -47,14 +48,30 @@ impl Mean {
 
     /// Adds a pass over the same window: the next one by number ([`Pass::of`]).
     pub fn add(&mut self, film: &Film) {
+        self.add_pixels(&film.pixels);
+        self.cost.iter_mut().zip(&film.cost).for_each(|(sum, cost)| *sum += cost);
+    }
+
+    /// The same without what they cost.
+    pub fn add_pixels(&mut self, pixels: &[Pixel]) {
         let (stream, before) = (self.passes as usize % STREAMS, self.passes as usize / STREAMS);
         self.passes += 1;
         let n = f64::from(self.passes);
-        for ((sum, means), pixel) in self.sums.iter_mut().zip(&mut self.streams).zip(&film.pixels) {
+        for ((sum, means), pixel) in self.sums.iter_mut().zip(&mut self.streams).zip(pixels) {
             sum.add(pixel, n);
             means[stream] += (pixel.beauty - means[stream]) / (before + 1) as f32;
         }
-        self.cost.iter_mut().zip(&film.cost).for_each(|(sum, cost)| *sum += cost);
+    }
+
+    /// The same passes at these pixels alone, counted along the rows of the window, as a row of them.
+    #[must_use]
+    pub fn at(&self, pixels: &[usize]) -> Self {
+        let size = [pixels.len() as u32, 1];
+        let mut first = Film::new(PixelRect { min: [0, 0], max: size }, size);
+        first.pixels = pixels.iter().map(|&pixel| self.first.pixels[pixel]).collect();
+        let sums = pixels.iter().map(|&pixel| self.sums[pixel]).collect();
+        let streams = pixels.iter().map(|&pixel| self.streams[pixel]).collect();
+        Self { passes: self.passes, first, sums, streams, cost: Vec::new() }
     }
 
     /// How many passes there are.
@@ -82,7 +99,8 @@ impl Mean {
     ///
     /// Passes of a stream go hand in hand, so their own spread says nothing: the streams' means, which are independent, tell it. With one's share w of the
     /// passes it is Σ w (m - mean)² / (streams - 1), which is right whatever the shares if passes are independent, and for equal shares if they are not.
-    fn variance_of(&self, pixel: usize) -> DVec3 {
+    #[must_use]
+    pub fn variance_of(&self, pixel: usize) -> DVec3 {
         let (n, streams) = (self.passes, self.passes.min(Pass::STREAMS));
         let squares = (0..streams).map(|stream| {
             let share = f64::from((n - stream).div_ceil(Pass::STREAMS)) / f64::from(n);
@@ -150,7 +168,6 @@ fn root(v: DVec3) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fragment::PixelRect;
 
     fn film(values: &[f32]) -> Film {
         let mut film = Film::new(PixelRect { min: [0, 0], max: [values.len() as u32, 1] }, [values.len() as u32, 1]);
@@ -179,6 +196,21 @@ mod tests {
         assert!((film.error_of(0).x - (14.0_f32 / 12.0).sqrt()).abs() < 1e-6);
         // Seen by one pass of four: the depth is that of what was seen, the coverage is of all.
         assert_eq!((film.pixels[1].depth, film.pixels[1].alpha), (4.0, 1.0));
+    }
+
+    #[test]
+    fn passes_go_on_at_some_pixels_alone() {
+        let passes = [[1.0, 5.0, 0.5], [2.0, 1.0, 0.25], [4.0, 0.0, 3.0]];
+        let mut whole = Mean::new(film(&passes[0]));
+        whole.add(&film(&passes[1]));
+        let mut some = whole.at(&[2, 0]);
+        whole.add(&film(&passes[2]));
+        some.add_pixels(&[2, 0].map(|pixel| film(&passes[2]).pixels[pixel]));
+        assert_eq!(some.passes(), 3);
+        for (place, pixel) in [2, 0].into_iter().enumerate() {
+            assert_eq!(some.beauty(place), whole.beauty(pixel));
+            assert_eq!(some.variance_of(place), whole.variance_of(pixel));
+        }
     }
 
     #[test]

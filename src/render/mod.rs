@@ -28,7 +28,7 @@ mod tile;
 
 pub use calibration::{Found, Settled, settle};
 pub use draw::{Drawn, Place, ShadingPoint, draw};
-pub use film::Film;
+pub use film::{Film, Pixel};
 pub use inspect::{Fragment, Inspected, Shading, inspect};
 pub use lighting::{Around, Lighting, Workspace};
 pub use mean::Mean;

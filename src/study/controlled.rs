@@ -11,7 +11,8 @@
 
 use std::time::Instant;
 
-use self::pixels::Looked;
+use self::further::Further;
+use self::references::Judges;
 use self::settings::{set, set_truth};
 use self::streams::Streams;
 use self::worth::{AIM, MOST_PASSES, Trial, Truth};
@@ -31,6 +32,7 @@ use crate::surface::SurfaceModel;
 const FIRST_LOOK: u32 = 2 * Pass::STREAMS;
 
 mod claim;
+mod further;
 mod pixels;
 mod references;
 mod settings;
@@ -101,12 +103,13 @@ impl Job<'_> {
     fn run(mut self) -> Result<(Film, Statistics), RenderError> {
         let watch = Watch::start();
         let looked = self.look()?;
-        let drawn = [0, 1].map(|set| looked.draw(self.given.sampling.seed, set));
+        let drawn = looked.sets(self.given.sampling.seed);
         let [choosing, judging] = self.references(&drawn, looked.level)?;
         let trials = self.trials(&choosing, looked.level)?;
         let (trial, passes) = self.choose(&trials);
-        let (film, mut statistics) = self.passes(trial, passes, &choosing.truths, &looked, &watch)?;
-        statistics.claim = self.claim(&film, &judging.truths, trial);
+        let (film, judged, mut statistics) =
+            self.passes(trial, passes, &choosing.truths, &judging, looked.level, &watch)?;
+        statistics.claim = self.claim(&film, &judging.truths, &judged, trial);
         self.scene.document.description.output = self.given.output.clone();
         Ok((film, statistics))
     }
@@ -135,14 +138,16 @@ impl Job<'_> {
         self.begin.elapsed().as_secs_f64()
     }
 
+    /// The picture in passes of settings that were tried, and the mean of more of them at the pixels that judge it.
     fn passes(
         &mut self,
         trial: Trial,
         planned: u32,
         choosing: &[Truth],
-        looked: &Looked,
+        judges: &Judges,
+        level: f64,
         watch: &Watch,
-    ) -> Result<(Film, Statistics), RenderError> {
+    ) -> Result<(Film, Mean, Statistics), RenderError> {
         let (seed, progress, goal, begin) = (self.given.sampling.seed, self.progress, self.goal, self.begin);
         // A standard error takes two.
         let least = if self.given.output.layers.contains(&Layer::StandardError) { 2 } else { 1 };
@@ -166,9 +171,9 @@ impl Job<'_> {
                 }
                 Goal::Error(error) if done >= most => {
                     // A few pixels tell little of the noise; passes tell it all over the picture, if there is more than one.
-                    let (square, noise) = match mean.variance().map(|variance| variance / looked.level.powi(2)) {
+                    let (square, noise) = match mean.variance().map(|variance| variance / level.powi(2)) {
                         Some(noise) => (noise + trial.worth.shown_bias(), noise),
-                        None => (error_at(choosing, &mean, &window, looked.level), trial.worth.noise),
+                        None => (error_at(choosing, &mean, &window, level), trial.worth.noise),
                     };
                     // More passes help against noise only.
                     let enough = square <= (AIM * error).powi(2);
@@ -183,12 +188,17 @@ impl Job<'_> {
             mean.add(&prepared.pass(Pass::of(seed, done), progress)?);
             done += 1;
         }
+        let watch = Watch::start();
+        let further = Further { judges, error: goal.error(), level, seed, work: trial.work };
+        let judged = further.passes(&mean, &mut prepared, &mut streams, progress)?;
+        let judging = watch.stage("judging");
         let film = mean.film();
         let mut statistics = prepared.statistics().clone();
         statistics.mean = film.mean_beauty().to_array();
         statistics.stages.retain(|stage| ["tracing more photons", "rendering"].contains(&stage.name.as_str()));
         statistics.stages.insert(0, stage);
-        Ok((film, statistics))
+        statistics.stages.push(judging);
+        Ok((film, judged, statistics))
     }
 }
 

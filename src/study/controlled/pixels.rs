@@ -12,9 +12,13 @@ use crate::render::{Pass, RenderError};
 /// Purposes of random numbers.
 const LOOK: u32 = 0x4C4F_4F4B;
 const DRAW: u32 = 0x4452_5043;
+const ORDER: u32 = 0x4F52_4452;
 
-/// Pixels that are drawn at a time.
-const PIXELS: usize = 96;
+/// Pixels that choose settings.
+const CHOOSING: usize = 96;
+/// Pixels that judge, in pictures that have so many times as many. Few pixels may hold most of the bias, so that fewer than this miss them unawares.
+const JUDGING: usize = 256;
+const JUDGED: usize = 12;
 /// Pixels that are looked at, at the most.
 const LOOKED_AT: usize = 12_288;
 
@@ -67,19 +71,26 @@ impl Looked {
         Self { seen, level: level.max(1e-30) }
     }
 
-    /// One of the sets of pixels: none twice in a set.
-    pub fn draw(&self, seed: u32, set: u32) -> Vec<Drawn> {
+    /// Pixels that choose settings, and others that judge the picture.
+    pub fn sets(&self, seed: u32) -> [Vec<Drawn>; 2] {
+        let judging = (self.seen.len() / JUDGED).clamp(CHOOSING, JUDGING);
+        [self.draw(seed, 0, CHOOSING), self.draw(seed, 1, judging)]
+    }
+
+    /// A set of pixels, none twice in it. They come in any order, so that the first of them stand for all where time is short.
+    fn draw(&self, seed: u32, set: u32, count: usize) -> Vec<Drawn> {
         let n = self.seen.len().max(1) as f64;
         let squares = (self.seen.iter().map(|(_, light)| light * light).sum::<f64>() / n).max(1e-60);
         let size = |index: usize| 0.5 + 0.5 * self.seen[index].1.powi(2) / squares;
         let mut drawn = Vec::new();
         let random = unit(&[DRAW, seed, set]);
-        fragment::draw(self.seen.len(), size, PIXELS, random, |index, stands_for| {
+        fragment::draw(self.seen.len(), size, count, random, |index, stands_for| {
             drawn.push(Drawn { at: self.seen[index].0, weight: stands_for / size(index) / n });
         });
         // So far weights add up to 1 in the mean.
         let count = drawn.len() as f64;
         drawn.iter_mut().for_each(|drawn| drawn.weight *= count);
+        drawn.sort_by_key(|&Drawn { at: [x, y], .. }| hash(&[ORDER, seed, set, x, y]));
         drawn
     }
 }
@@ -96,8 +107,8 @@ mod tests {
         let truth = (0..1000).map(|i| (0.1 * light(i)).powi(2)).sum::<f64>() / 1000.0;
         let (mut sum, mut weights, draws) = (0.0, 0.0, 400);
         for seed in 0..draws {
-            let drawn = looked.draw(seed, 0);
-            assert_eq!(drawn.len(), PIXELS);
+            let drawn = looked.draw(seed, 0, CHOOSING);
+            assert_eq!(drawn.len(), CHOOSING);
             assert!([7, 407, 807].iter().all(|&i| drawn.iter().any(|drawn| drawn.at == [i, 0])));
             let square = |drawn: &Drawn| drawn.weight * (0.1 * light(drawn.at[0])).powi(2);
             sum += drawn.iter().map(square).sum::<f64>() / drawn.len() as f64;
@@ -105,5 +116,22 @@ mod tests {
         }
         assert!((sum / f64::from(draws) / truth - 1.0).abs() < 0.01);
         assert!((weights / f64::from(draws) - 1.0).abs() < 0.02);
+    }
+
+    #[test]
+    fn the_first_pixels_stand_for_all() {
+        let looked = Looked::new((0..64 * 64).map(|i| ([i % 64, i / 64], 1.0)).collect());
+        let mut below = 0;
+        for seed in 0..100 {
+            let [choosing, judging] = looked.sets(seed);
+            assert_eq!([choosing.len(), judging.len()], [CHOOSING, JUDGING]);
+            below += judging[..16].iter().filter(|drawn| drawn.at[1] >= 32).count();
+        }
+        // 1,600 draws of a half: 800 with a deviation of less than 20.
+        assert!((700..900).contains(&below), "{below}");
+        // A small picture is judged by as many as choose.
+        let small = Looked::new((0..400).map(|i| ([i, 0], 1.0)).collect());
+        assert_eq!(small.sets(1).map(|set| set.len()), [CHOOSING; 2]);
+        assert_eq!(Looked::new(vec![([3, 4], 1.0)]).sets(1).map(|set| set.len()), [1; 2]);
     }
 }
