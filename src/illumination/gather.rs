@@ -225,11 +225,20 @@ impl Illumination {
         }
     }
 
-    /// Radiance that a surface sends back along the ray that met it: by the photons, or where they would blur it from lights
+    /// Radiance that a surface sends back along the ray of unit `direction` that met it: by the photons, or where they would blur it from lights
     /// without extent, one sample of each area light and of one small bright source, one ray to the environment, and the photons of reflected light. Emission is not in
     /// it: area lights are sampled as lights; nor is what [`Illumination::hot_light`] brings, by way of mirrors and glass as caustics.
-    pub fn reflected(&self, point: &SurfacePoint, key: u32, hair: &impl Fn(Vec3, Vec3, f32) -> f32) -> Vec3 {
-        self.sent_back(point, key, hair, self.photons.as_ref().and_then(PhotonMap::hot_spots))
+    pub fn reflected(
+        &self,
+        point: &SurfacePoint,
+        direction: Vec3,
+        key: u32,
+        hair: &impl Fn(Vec3, Vec3, f32) -> f32,
+    ) -> Vec3 {
+        let cosine = -direction.dot(point.normal);
+        self.sent_back(point, key, hair, |hot, irradiance| {
+            hot.by_rays(point.albedo, irradiance, point.distance, cosine)
+        })
     }
 
     /// The same as a mirror or glass shows it: with all of a hot spot's light where no caustics bring it.
@@ -239,25 +248,33 @@ impl Illumination {
         key: u32,
         hair: &impl Fn(Vec3, Vec3, f32) -> f32,
     ) -> Vec3 {
-        let hot = self.photons.as_ref().and_then(PhotonMap::hot_spots);
-        self.sent_back(point, key, hair, hot.filter(|_| self.caustics.is_some()))
+        let below = |hot: &HotSpots, irradiance| hot.below(point.albedo, irradiance);
+        self.sent_back(
+            point,
+            key,
+            hair,
+            |hot, irradiance| if self.caustics.is_some() { below(hot, irradiance) } else { 1.0 },
+        )
     }
 
+    /// What a surface sends back; `counts` is the part of it that counts, by hot spots and irradiance.
     fn sent_back(
         &self,
         point: &SurfacePoint,
         key: u32,
         hair: &impl Fn(Vec3, Vec3, f32) -> f32,
-        hot: Option<&HotSpots>,
+        counts: impl Fn(&HotSpots, Vec3) -> f32,
     ) -> Vec3 {
         tally::add(Work::Reflections, 1);
         if point.albedo == Vec3::ZERO {
             return Vec3::ZERO;
         }
         let known = self.photons.as_ref().and_then(|photons| photons.irradiance(point.position, point.normal));
-        let below = hot.zip(known).map_or(1.0, |(hot, known)| hot.below(point.albedo, known.total));
+        let hot = self.photons.as_ref().and_then(PhotonMap::hot_spots);
+        // Of hot spots rays count a part only.
+        let part = hot.zip(known).map_or(1.0, |(hot, known)| counts(hot, known.total));
         if let Some(known) = known.filter(|known| known.radius < BLUR * point.distance) {
-            return point.albedo * known.total * (below / PI);
+            return point.albedo * known.total * (part / PI);
         }
         let origin = point.leaving();
         let mut irradiance = Vec3::ZERO;
@@ -276,7 +293,7 @@ impl Illumination {
         irradiance += self.sky_sample(point, origin, key, hair);
         // The photons of reflected light are of caustics, too.
         irradiance += known.map_or_else(|| self.caustic_irradiance(point), |known| known.indirect);
-        point.albedo * irradiance * (below / PI)
+        point.albedo * irradiance * (part / PI)
     }
 
     /// Light from hot spots of surfaces, the part that [`Illumination::reflected`] leaves out, whether or not something is in the way: `most` samples at

@@ -73,7 +73,8 @@ fn the_catalogue_names_checks_that_are_there() {
     let sources =
         ["estimators", "external", "machine", "multiprecision", "pictures", "pixel", "properties", "regressions"]
             .map(|name| format!("tests/numerics/{name}.rs"));
-    let of_units = ["src/fragment/footprint.rs", "src/occlusion/ribbon/tests.rs"].map(read);
+    let of_units =
+        ["src/fragment/footprint.rs", "src/occlusion/ribbon/tests.rs", "src/illumination/photon/tests.rs"].map(read);
     let tests: String = sources.iter().map(|path| read(path)).chain(of_units).collect();
     let mut names: Vec<String> = properties().iter().map(|property| property.name.to_owned()).collect();
     names.extend(hard::all().iter().map(|case| format!("Γ, {}", case.name)));

@@ -289,6 +289,8 @@ fn a_hot_spot_gives_as_much_light_in_two_parts_as_in_one() {
         (Vec3::new(0.3, -1.0, 0.2), Vec3::Y),
         (Vec3::new(-1.0, 0.4, 0.1), Vec3::X),
         (Vec3::new(0.0, 0.0, 1.0), -Vec3::Z),
+        // Beside the spot, where few photons are above the cap and rays bring most of their light.
+        (Vec3::new(0.1, 0.96, -1.0), Vec3::Z),
     ] {
         let origin = position + normal * 1e-5;
         let frame = crate::igloo::frame_around(normal);
@@ -301,7 +303,7 @@ fn a_hot_spot_gives_as_much_light_in_two_parts_as_in_one() {
             let direction = frame * Vec3::new(cos * (1.0 - z * z).sqrt(), sin * (1.0 - z * z).sqrt(), z);
             let hit = walls.closest(origin, direction, 0.0, f32::INFINITY).expect("a closed box");
             let known = map.irradiance(hit.position, hit.normal).expect("photons");
-            let parts = [hit.albedo * known.total, light.reflected(&hit, i, &FREE) * PI];
+            let parts = [hit.albedo * known.total, light.reflected(&hit, direction, i, &FREE) * PI];
             whole += parts[0].as_dvec3();
             below += parts[1].as_dvec3();
             brightest = [0, 1].map(|k| brightest[k].max(parts[k].x));
@@ -320,4 +322,29 @@ fn a_hot_spot_gives_as_much_light_in_two_parts_as_in_one() {
         // What speckles is gone from the rays.
         assert!(brightest[1] < 0.25 * brightest[0], "{brightest:?}");
     }
+}
+
+#[test]
+fn a_sample_of_a_spot_is_bounded_however_near_it_is() {
+    let lamp = DirectLight::Point { position: Vec3::new(0.1, 0.93, 0.0), intensity: Vec3::splat(1.0) };
+    let mut light = lit(Vec3::ZERO, vec![lamp], vec![], surfaces(&cube([Vec3::splat(0.5); 6]), &[]));
+    light.set_photons(light.photon_map(&settings(100_000), &FREE, &|| false));
+    let hot = light.photons().and_then(PhotonMap::hot_spots).expect("hot spots");
+    // The spot's radiance is that of the lamp straight above it, but for the map's noise of an eighth and its reflections.
+    let brightest = 0.5 / PI / 0.07_f32.powi(2) * 1.5;
+    let count = 16;
+    let mut most = 0.0_f32;
+    for i in 0..2000 {
+        let number = |axis| to_unit(hash(&[17, i, axis]));
+        let (place, normal, _) = hot.choose(f64::from(number(0))).expect("a spot");
+        // From a hundred thousandth of the box to all of it.
+        let at = place + (normal + Vec3::new(number(1), number(2), number(3)) - 0.5) * 10.0_f32.powf(-5.0 * number(4));
+        // Strata are drawn: many numbers until they meet the spot beside the point.
+        (0..64)
+            .for_each(|key| hot.light(at, count, key, |incident| most = most.max(incident.irradiance.max_element())));
+    }
+    // What one gather ray of as many would bring.
+    let bound = brightest / (0.6 * count as f32);
+    println!("{most} of {bound} at the most");
+    assert!(most < bound && most > 0.01 * bound, "{most} of {bound}");
 }

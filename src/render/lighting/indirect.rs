@@ -41,7 +41,7 @@ impl Lighting<'_> {
                     specular.add(&Reflections { rays: weight, cut: weight * f64::from(seen.cut) });
                     seen.radiance
                 } else {
-                    self.light.reflected(hit, key, &hair)
+                    self.light.reflected(hit, *direction, key, &hair)
                 };
                 light.radiance[face] = if self.called_for.reflection { sent } else { Vec3::ZERO };
             }

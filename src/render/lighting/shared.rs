@@ -210,7 +210,7 @@ impl Lighting<'_> {
             None => Ray { far: Some(f32::INFINITY), radiance: Vec3::ZERO },
             Some(hit) => {
                 let key = hash(&[SHARE, shared.seed, corner as u32, ray as u32]);
-                Ray { far: Some(hit.distance), radiance: self.light.reflected(hit, key, &hair) }
+                Ray { far: Some(hit.distance), radiance: self.light.reflected(hit, directions[ray], key, &hair) }
             }
         };
         let mut rays = Vec::with_capacity(hits.len());
