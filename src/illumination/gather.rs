@@ -248,12 +248,14 @@ impl Illumination {
         key: u32,
         hair: &impl Fn(Vec3, Vec3, f32) -> f32,
     ) -> Vec3 {
-        let below = |hot: &HotSpots, irradiance| hot.below(point.albedo, irradiance);
+        let caustics = self.caustics.is_some();
         self.sent_back(
             point,
             key,
             hair,
-            |hot, irradiance| if self.caustics.is_some() { below(hot, irradiance) } else { 1.0 },
+            |hot, irradiance| {
+                if caustics { hot.below(point.albedo, irradiance) } else { 1.0 }
+            },
         )
     }
 

@@ -114,19 +114,14 @@ impl Noise {
 
 #[cfg(test)]
 mod tests {
+    use super::super::worth::tests::normal;
     use super::*;
     use crate::fragment::PixelRect;
-    use crate::hash::unit;
     use crate::render::Pixel;
     use glam::Vec3;
 
     const SIDE: u32 = 32;
     const JUDGES: u32 = 256;
-
-    fn normal(key: &[u32]) -> f64 {
-        let sum: f64 = (0..12).map(|i| unit(&[key, &[i]].concat())).sum();
-        sum - 6.0
-    }
 
     /// A pass over these pixels of a grey picture of 1 that is wrong by `bias` and has noise that few pixels hold much of.
     fn pass(number: u32, trial: u32, bias: f64, places: &[u32]) -> Vec<Pixel> {

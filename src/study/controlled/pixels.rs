@@ -16,8 +16,9 @@ const ORDER: u32 = 0x4F52_4452;
 
 /// Pixels that choose settings.
 const CHOOSING: usize = 96;
-/// Pixels that judge, in pictures that have so many times as many. Few pixels may hold most of the bias, so that fewer than this miss them unawares.
+/// Pixels that judge, at the most: a small part of the pixels may hold most of the bias, and few that judge miss it unawares.
 const JUDGING: usize = 256;
+/// One pixel in so many judges where the picture is small, but no fewer than choose.
 const JUDGED: usize = 12;
 /// Pixels that are looked at, at the most.
 const LOOKED_AT: usize = 12_288;

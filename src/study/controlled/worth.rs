@@ -137,9 +137,15 @@ pub fn least(trials: &[Trial], value: impl Fn(&Trial) -> f64) -> &Trial {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::hash::unit;
+
+    /// A number that is nearly normal, of variance 1.
+    pub fn normal(key: &[u32]) -> f64 {
+        let sum: f64 = (0..12).map(|i| unit(&[key, &[i]].concat())).sum();
+        sum - 6.0
+    }
 
     fn trial(bias: f64, noise: f64, work: f64) -> Trial {
         Trial { place: 0, worth: Worth { bias, doubt: 0.0, lasting: bias, noise }, work, before: 0.0 }
@@ -167,10 +173,6 @@ mod tests {
     fn bias_and_noise_are_told_apart() {
         // A picture of 2 that is rendered .05 too bright with a deviation of .3; its reference has a deviation of .2 in each half. Over 20,000 pixels the
         // estimates are good to their doubt.
-        let normal = |key: &[u32]| {
-            let sum: f64 = (0..12).map(|i| unit(&[key, &[i]].concat())).sum();
-            sum - 6.0
-        };
         let pixel = |key: [u32; 2], mean: f64, deviation: f64| [mean + deviation * normal(&key); 3];
         let truths: Vec<Truth> = (0..20_000)
             .map(|i| Truth { at: [0, 0], weight: 1.0, halves: [1, 2].map(|half| pixel([half, i], 2.0, 0.2)) })
