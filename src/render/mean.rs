@@ -86,12 +86,16 @@ impl Mean {
         self.sums[pixel].beauty.as_vec3()
     }
 
+    /// Pixels in which something is seen.
+    pub fn seen(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.sums.len()).filter(|&pixel| self.sums[pixel].alpha > 0.0)
+    }
+
     /// Variance of the beauty, mean over channels and the pixels in which something is seen; none of a single pass.
     #[must_use]
     pub fn variance(&self) -> Option<f64> {
-        let seen = (0..self.sums.len()).filter(|&pixel| self.sums[pixel].alpha > 0.0);
         let of = |pixel| self.variance_of(pixel).element_sum();
-        let (sum, count) = seen.fold((0.0, 0.0), |(sum, count), pixel| (sum + of(pixel), count + 3.0_f64));
+        let (sum, count) = self.seen().fold((0.0, 0.0), |(sum, count), pixel| (sum + of(pixel), count + 3.0_f64));
         (self.passes > 1).then(|| sum / count.max(1.0))
     }
 

@@ -1,18 +1,18 @@
 //! Rendering to an error or to a time: settings found on the scene itself, passes until it is done, and the error that the picture then has.
 //!
-//! The error is looked at where it arises, in pixels drawn with a chance that grows with their light (`pixels`). For each there is a reference in
+//! The error is looked at where it arises, in pixels drawn with a chance that grows with their light and noise (`pixels`). For each there is a reference in
 //! two independent halves (`references`), of rays, many faces, layers drawn by chance and photons of their own. A first set of pixels chooses: for places of
-//! the knob (`KNOB`) they give bias and noise of a pass (`trials`), so that the work of enough passes is known before the first. A second set, with
-//! references of its own, judges the finished picture and nothing else, so that the error claimed is not that of the settings which were lucky at the pixels
-//! that chose them. What is judged is the picture itself: noise and bias need no model there.
+//! the knob (`KNOB`) they give bias and noise of a pass (`trials`), so that the work of enough passes is known before the first. A second set, drawn from
+//! the finished picture and with references of its own, judges that and nothing else, so that the error claimed is not that of the settings which were lucky
+//! at the pixels that chose them. What is judged is the picture itself: noise and bias need no model there.
 //!
 //! How fine references are and how often trials are run follows the error that is asked for. Work, not time, decides there, and all of it is counted, so the
 //! picture depends on the scene alone. Where a time is asked for it cannot.
 
 use std::time::Instant;
 
-use self::further::Further;
-use self::references::Judges;
+use self::pixels::{Looked, Purpose};
+use self::references::Half;
 use self::settings::{set, set_truth};
 use self::streams::Streams;
 use self::worth::{AIM, MOST_PASSES, Trial, Truth};
@@ -56,6 +56,14 @@ impl Goal {
         3 * Streams::new(self.error()).count() as u64
     }
 
+    /// The time that is asked for, if one is: seconds.
+    fn time(self) -> Option<f64> {
+        match self {
+            Self::Time(time) => Some(time),
+            Self::Error(_) => None,
+        }
+    }
+
     /// The error that is asked for, if one is.
     fn error(self) -> Option<f64> {
         match self {
@@ -80,7 +88,9 @@ pub fn render_to(
         let given = scene.document.description.clone();
         let shadows = scene.shadows.clone();
         let (streams, maps) = (Streams::new(goal.error()), ShadowMaps::default());
-        Job { scene, surfaces, given, shadows, goal, options, progress, begin: Instant::now(), streams, maps }.run()
+        let halves = Half::both(given.sampling.seed, goal);
+        let begin = Instant::now();
+        Job { scene, surfaces, given, shadows, goal, options, progress, begin, streams, halves, maps }.run()
     })?
 }
 
@@ -95,21 +105,39 @@ struct Job<'a> {
     begin: Instant,
     /// The picture's photons.
     streams: Streams,
+    /// Of all references.
+    halves: [Half; 2],
     /// Of all settings.
     maps: ShadowMaps,
+}
+
+/// A picture's passes.
+struct Picture {
+    /// Their settings.
+    trial: Trial,
+    window: PixelRect,
+    mean: Mean,
+    statistics: Statistics,
 }
 
 impl Job<'_> {
     fn run(mut self) -> Result<(Film, Statistics), RenderError> {
         let watch = Watch::start();
-        let looked = self.look()?;
-        let drawn = looked.sets(self.given.sampling.seed);
-        let [choosing, judging] = self.references(&drawn, looked.level)?;
+        let (seed, looked) = (self.given.sampling.seed, self.look()?);
+        let choosing = self.references(&looked.draw(seed, Purpose::Choosing), Purpose::Choosing, looked.level)?;
         let trials = self.trials(&choosing, looked.level)?;
         let (trial, passes) = self.choose(&trials);
-        let (film, judged, mut statistics) =
-            self.passes(trial, passes, &choosing.truths, &judging, looked.level, &watch)?;
-        statistics.claim = self.claim(&film, &judging.truths, &judged, trial);
+        let picture = self.passes(trial, passes, &choosing.truths, looked.level, &watch)?;
+        let watch = Watch::start();
+        let looked = Looked::at(&picture.mean, &picture.window);
+        let judging = self.references(&looked.draw(seed, Purpose::Judging), Purpose::Judging, looked.level)?;
+        let judged = self.further(&picture, &judging, looked.level)?;
+        let claim = self.claim(&picture, &judging.truths, &judged);
+        let Picture { mean, mut statistics, .. } = picture;
+        let film = mean.film();
+        statistics.stages.push(watch.stage(Purpose::Judging.stage()));
+        statistics.mean = film.mean_beauty().to_array();
+        statistics.claim = claim;
         self.scene.document.description.output = self.given.output.clone();
         Ok((film, statistics))
     }
@@ -138,22 +166,27 @@ impl Job<'_> {
         self.begin.elapsed().as_secs_f64()
     }
 
-    /// The picture in passes of settings that were tried, and the mean of more of them at the pixels that judge it.
+    /// Seconds until the picture has to be there, if a time is asked for: its judges need some, too.
+    fn left(&self, time: f64) -> f64 {
+        time - self.kept(time) - self.elapsed()
+    }
+
+    /// The picture in passes of settings that were tried.
     fn passes(
         &mut self,
         trial: Trial,
         planned: u32,
         choosing: &[Truth],
-        judges: &Judges,
         level: f64,
         watch: &Watch,
-    ) -> Result<(Film, Mean, Statistics), RenderError> {
+    ) -> Result<Picture, RenderError> {
         let (seed, progress, goal, begin) = (self.given.sampling.seed, self.progress, self.goal, self.begin);
+        let end = goal.time().map(|time| time - self.kept(time));
         // A standard error takes two.
         let least = if self.given.output.layers.contains(&Layer::StandardError) { 2 } else { 1 };
         let mut streams = std::mem::take(&mut self.streams);
         let mut prepared = self.prepare(trial.place, seed, streams.first())?;
-        let stage = watch.stage("calibrating");
+        let stage = watch.stage(Purpose::Choosing.stage());
         let window = prepared.window();
         let mut mean = Mean::new(prepared.pass(Pass::of(seed, 0), progress)?);
         let mut most = planned.min(FIRST_LOOK).max(least);
@@ -161,11 +194,11 @@ impl Job<'_> {
         loop {
             let begun = begin.elapsed().as_secs_f64();
             match goal {
-                Goal::Time(time) => {
+                Goal::Time(_) => {
                     // Another pass takes as long as those before it.
                     let each = prepared.statistics().stages.iter().find(|stage| stage.name == "rendering");
                     let each = each.map_or(0.0, |stage| stage.seconds / f64::from(done));
-                    if done >= least && (begun + each > time || done >= MOST_PASSES) {
+                    if done >= least && (end.is_some_and(|end| begun + each > end) || done >= MOST_PASSES) {
                         break;
                     }
                 }
@@ -188,17 +221,12 @@ impl Job<'_> {
             mean.add(&prepared.pass(Pass::of(seed, done), progress)?);
             done += 1;
         }
-        let watch = Watch::start();
-        let further = Further { judges, error: goal.error(), level, seed, work: trial.work };
-        let judged = further.passes(&mean, &mut prepared, &mut streams, progress)?;
-        let judging = watch.stage("judging");
-        let film = mean.film();
         let mut statistics = prepared.statistics().clone();
-        statistics.mean = film.mean_beauty().to_array();
+        streams.put_first(prepared.into_photons());
+        self.streams = streams;
         statistics.stages.retain(|stage| ["tracing more photons", "rendering"].contains(&stage.name.as_str()));
         statistics.stages.insert(0, stage);
-        statistics.stages.push(judging);
-        Ok((film, judged, statistics))
+        Ok(Picture { trial, window, mean, statistics })
     }
 }
 

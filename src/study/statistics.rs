@@ -10,6 +10,10 @@
 //! two are put together as squared distances from the estimate add up for independent variables (MOVER; Zou and Donner 2008,
 //! "Construction of confidence intervals about effect measures"). No resampling, so the same data give the same interval.
 //!
+//! Where points are of uneven noise, A and B go hand in hand. MOVER could take that correlation in, but few points then hold most of both, and the sample's own
+//! correlation says too much: of 2,000 intervals whose noise is a factor e up or down from point to point (one standard deviation), 1,666 held the truth with it
+//! and 1,876 without, which were 13 % wider.
+//!
 //! Samples of several kinds are drawn apart (stratified): a mean over all is the kinds' means by their share of the population,
 //! and its variance is the sum of theirs by the squares of the shares.
 
@@ -225,15 +229,27 @@ mod tests {
         -u.signum() * (1.0 - 2.0 * u.abs()).max(1e-300).ln() / 2.0_f64.sqrt()
     }
 
-    /// Differences of a given mean and deviation against a reference of standard error `noise`.
-    fn samples(trial: u32, n: u32, mean: f64, deviation: f64, noise: f64, shape: fn([u32; 3]) -> f64) -> Vec<Sample> {
+    /// Differences of a given mean and deviation against a reference of standard error `noise`, which differs from point to point: its logarithm has the deviation
+    /// `spread`.
+    fn uneven(
+        trial: u32,
+        n: u32,
+        [mean, deviation, noise, spread]: [f64; 4],
+        shape: fn([u32; 3]) -> f64,
+    ) -> Vec<Sample> {
         let sample = |i| {
             let truth = unit(&[trial, i, 9]);
+            let noise = noise * (spread * normal([trial, i, 11])).exp();
             let half = |h| truth + noise * 2.0_f64.sqrt() * normal([trial, i, h]);
             let reference = [half(1), half(2)];
             Sample { value: truth + mean + deviation * shape([trial, i, 3]), reference }
         };
         (0..n).map(sample).collect()
+    }
+
+    /// The same with even noise.
+    fn samples(trial: u32, n: u32, mean: f64, deviation: f64, noise: f64, shape: fn([u32; 3]) -> f64) -> Vec<Sample> {
+        uneven(trial, n, [mean, deviation, noise, 0.0], shape)
     }
 
     #[test]
@@ -248,12 +264,12 @@ mod tests {
     }
 
     /// How often, of a hundred, the intervals of mean and RMS hold the truth.
-    fn coverage(n: u32, mean: f64, deviation: f64, noise: f64, shape: fn([u32; 3]) -> f64) -> [f64; 2] {
+    fn coverage(n: u32, [mean, deviation, noise, spread]: [f64; 4], shape: fn([u32; 3]) -> f64) -> [f64; 2] {
         let rms = mean.hypot(deviation);
         let trials = 2000;
         let mut held = [0; 2];
         for trial in 0..trials {
-            let summary = Summary::of(&samples(trial, n, mean, deviation, noise, shape)).unwrap();
+            let summary = Summary::of(&uneven(trial, n, [mean, deviation, noise, spread], shape)).unwrap();
             let holds = |e: &Estimate, truth: f64| (e.low.unwrap()..=e.high.unwrap()).contains(&truth);
             held[0] += u32::from(holds(&summary.mean, mean));
             held[1] += u32::from(holds(&summary.rms, rms));
@@ -263,18 +279,21 @@ mod tests {
 
     #[test]
     fn intervals_hold_the_truth_at_about_the_stated_rate() {
-        for (n, mean, deviation, noise, shape, least) in [
-            (256, 0.001, 0.005, 0.002, normal as fn([u32; 3]) -> f64, 93.0),
-            (256, 0.004, 0.003, 0.005, normal, 93.0),
-            (256, 0.0, 0.0, 0.005, normal, 93.0),
-            (64, 0.001, 0.005, 0.002, normal, 92.0),
-            (32, 0.0, 0.005, 0.005, normal, 91.0),
+        for (n, of, shape, least) in [
+            (256, [0.001, 0.005, 0.002, 0.0], normal as fn([u32; 3]) -> f64, 93.0),
+            (256, [0.004, 0.003, 0.005, 0.0], normal, 93.0),
+            (256, [0.0, 0.0, 0.005, 0.0], normal, 93.0),
+            (64, [0.001, 0.005, 0.002, 0.0], normal, 92.0),
+            (32, [0.0, 0.005, 0.005, 0.0], normal, 91.0),
             // Few points of a heavy tail rarely show the tail.
-            (256, 0.001, 0.005, 0.002, laplace, 91.5),
-            (64, 0.0, 0.005, 0.005, laplace, 89.0),
+            (256, [0.001, 0.005, 0.002, 0.0], laplace, 91.5),
+            (64, [0.0, 0.005, 0.005, 0.0], laplace, 89.0),
+            // Few points hold most of the noise.
+            (256, [0.0, 0.003, 0.006, 0.5], normal, 93.0),
+            (256, [0.0, 0.003, 0.003, 1.0], normal, 91.0),
         ] {
-            let found = coverage(n, mean, deviation, noise, shape);
-            let case = format!("n {n}, mean {mean}, deviation {deviation}, noise {noise}: {found:?}");
+            let found = coverage(n, of, shape);
+            let case = format!("n {n}, mean, deviation, noise and its spread {of:?}: {found:?}");
             eprintln!("{case}");
             assert!((93.5..96.5).contains(&found[0]), "mean: {case}");
             assert!((least..99.9).contains(&found[1]), "RMS: {case}");

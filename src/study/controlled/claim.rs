@@ -4,17 +4,19 @@
 //! passes have taken the noise away. The sum of both is off the square of b + n by two things that belong to the interval: n² differs from its mean, and n
 //! goes with or against b.
 
-use super::worth::{Trial, Truth};
-use super::{Job, KNOB};
+use super::worth::Truth;
+use super::{Job, KNOB, Picture};
+use crate::fragment::PixelRect;
+use crate::render::Mean;
 use crate::render::statistics::Claim;
-use crate::render::{Film, Mean};
 use crate::scene::loaded::LampShadows;
 use crate::study::statistics::{NORMAL, rms_of_squares};
 
 impl Job<'_> {
     /// The claim; none of a picture in which nothing is seen. `judged` are passes at the pixels of the references, in their order.
-    pub(super) fn claim(&self, film: &Film, judging: &[Truth], judged: &Mean, trial: Trial) -> Option<Claim> {
-        let [error, low, high] = error(film, judging, judged)?;
+    pub(super) fn claim(&self, picture: &Picture, judging: &[Truth], judged: &Mean) -> Option<Claim> {
+        let Picture { trial, window, mean, .. } = picture;
+        let [error, low, high] = error(mean, window, judging, judged)?;
         let asked = self.goal.error();
         Some(Claim {
             asked,
@@ -47,23 +49,21 @@ impl Job<'_> {
 }
 
 /// Relative RMS error of a picture, and the ends of its interval.
-fn error(film: &Film, judging: &[Truth], judged: &Mean) -> Option<[f64; 3]> {
-    let level = level(film)?;
+fn error(picture: &Mean, window: &PixelRect, judging: &[Truth], judged: &Mean) -> Option<[f64; 3]> {
+    let level = level(picture)?;
     let scale = |truth: &Truth| truth.weight / (level * level);
     let square = |(index, truth): (usize, &Truth)| {
         let value = judged.beauty(index).as_dvec3().to_array();
         scale(truth) * truth.product(value, value)
     };
     let squares: Vec<f64> = judging.iter().enumerate().map(square).collect();
-    let variance = |(index, truth): (usize, &Truth)| {
-        scale(truth) * (truth.variance() + judged.variance_of(index).element_sum() / 3.0)
-    };
+    let variance = |(index, truth): (usize, &Truth)| scale(truth) * (truth.variance() + variance_in(judged, index));
     let variances: Vec<f64> = judging.iter().enumerate().map(variance).collect();
     let bias = rms_of_squares(&squares, &variances)?;
-    let noise = Noise::of(film, level);
+    let noise = Noise::of(picture, level);
     // 2 b n has the variance 4 b² v.
     let both = judging.iter().zip(squares.iter().zip(&variances)).map(|(truth, (square, known))| {
-        (square - known) * variance_in(film, film.window.index(truth.at)) / (level * level)
+        (square - known) * variance_in(picture, window.index(truth.at)) / (level * level)
     });
     let both = (both.sum::<f64>() / judging.len() as f64).max(0.0) / noise.pixels;
     let reach = noise.reach.hypot(2.0 * NORMAL * both.sqrt());
@@ -73,21 +73,16 @@ fn error(film: &Film, judging: &[Truth], judged: &Mean) -> Option<[f64; 3]> {
     Some([square, low.max(0.0), high].map(f64::sqrt))
 }
 
-/// Pixels in which something is seen.
-fn seen(film: &Film) -> impl Iterator<Item = usize> + '_ {
-    (0..film.pixels.len()).filter(|&pixel| film.pixels[pixel].alpha > 0.0)
-}
-
 /// Mean of the beauty where something is seen; none where that is black.
-fn level(film: &Film) -> Option<f64> {
-    let sum = seen(film).map(|pixel| film.pixels[pixel].beauty.as_dvec3().element_sum() / 3.0).sum::<f64>();
-    let level = sum / seen(film).count() as f64;
+fn level(picture: &Mean) -> Option<f64> {
+    let sum = picture.seen().map(|pixel| picture.beauty(pixel).as_dvec3().element_sum() / 3.0).sum::<f64>();
+    let level = sum / picture.seen().count() as f64;
     (level > 0.0).then_some(level)
 }
 
 /// Variance of a pixel, the mean of its channels; 0 of a single pass, which does not tell it.
-fn variance_in(film: &Film, pixel: usize) -> f64 {
-    f64::from(film.error_of(pixel).length_squared()) / 3.0
+fn variance_in(mean: &Mean, pixel: usize) -> f64 {
+    mean.variance_of(pixel).element_sum() / 3.0
 }
 
 /// Noise of a picture, from its passes.
@@ -102,9 +97,9 @@ struct Noise {
 }
 
 impl Noise {
-    fn of(film: &Film, level: f64) -> Self {
+    fn of(picture: &Mean, level: f64) -> Self {
         let (mut sum, mut squares, mut count) = (0.0, 0.0, 0.0);
-        for variance in seen(film).map(|pixel| variance_in(film, pixel)) {
+        for variance in picture.seen().map(|pixel| variance_in(picture, pixel)) {
             (sum, squares, count) = (sum + variance, squares + variance * variance, count + 1.0);
         }
         let scale = 1.0 / (count * level * level);
@@ -114,20 +109,18 @@ impl Noise {
 
 #[cfg(test)]
 mod tests {
+    use super::super::pixels::{Drawn, Looked, Purpose};
     use super::super::worth::tests::normal;
     use super::*;
-    use crate::fragment::PixelRect;
-    use crate::render::Pixel;
+    use crate::render::{Film, Pixel};
     use glam::Vec3;
 
-    const SIDE: u32 = 32;
-    const JUDGES: u32 = 256;
+    const SIDE: u32 = 48;
 
     /// A pass over these pixels of a grey picture of 1 that is wrong by `bias` and has noise that few pixels hold much of.
     fn pass(number: u32, trial: u32, bias: f64, places: &[u32]) -> Vec<Pixel> {
         let value = |&place: &u32| {
-            let noise = 0.04 * (1.2 * normal(&[1, trial, place])).exp();
-            1.0 + wrong(trial, bias, place) + noise * normal(&[2, trial, place, number])
+            1.0 + wrong(trial, bias, place) + 0.04 * rough(trial, place) * normal(&[2, trial, place, number])
         };
         places
             .iter()
@@ -135,33 +128,36 @@ mod tests {
             .collect()
     }
 
+    /// Noise of a pixel, as a multiple of that of most.
+    fn rough(trial: u32, place: u32) -> f64 {
+        (1.2 * normal(&[1, trial, place])).exp()
+    }
+
     fn wrong(trial: u32, bias: f64, place: u32) -> f64 {
         bias * normal(&[3, trial, place])
     }
 
-    /// Error, interval and what is true of a picture of 12 passes, with so many more at pixels whose halves of a reference have a noise of .03.
+    /// Error, interval and what is true of a picture of 12 passes, with so many more at pixels that are drawn by what is known of it. Halves of references have
+    /// three quarters of the noise of a pass.
     fn trial(trial: u32, bias: f64, further: u32) -> ([f64; 3], f64) {
+        let window = PixelRect { min: [0, 0], max: [SIDE; 2] };
         let all: Vec<u32> = (0..SIDE * SIDE).collect();
-        let mut film = Film::new(PixelRect { min: [0, 0], max: [SIDE; 2] }, [SIDE; 2]);
+        let mut film = Film::new(window, [SIDE; 2]);
         film.pixels = pass(0, trial, bias, &all);
         let mut mean = Mean::new(film);
         (1..12).for_each(|number| mean.add_pixels(&pass(number, trial, bias, &all)));
-        let places: Vec<u32> = (0..JUDGES).map(|n| n * SIDE * SIDE / JUDGES).collect();
+        let drawn = Looked::at(&mean, &window).draw(trial, Purpose::Judging);
+        let places: Vec<u32> = drawn.iter().map(|drawn| window.index(drawn.at) as u32).collect();
         let mut judged = mean.at(&places.iter().map(|&place| place as usize).collect::<Vec<_>>());
         (12..12 + further).for_each(|number| judged.add_pixels(&pass(number, trial, bias, &places)));
-        let half = |place, half| [1.0 + 0.03 * normal(&[4, trial, place, half]); 3];
-        let judging: Vec<Truth> = places
-            .iter()
-            .map(|&place| Truth {
-                at: [place % SIDE, place / SIDE],
-                weight: 1.0,
-                halves: [half(place, 0), half(place, 1)],
-            })
-            .collect();
-        let film = mean.film();
-        let square = film.pixels.iter().map(|pixel| (f64::from(pixel.beauty.x) - 1.0).powi(2)).sum::<f64>();
-        let level = film.mean_beauty().x;
-        (error(&film, &judging, &judged).unwrap(), (square / f64::from(SIDE * SIDE)).sqrt() / f64::from(level))
+        let truth = |(drawn, &place): (&Drawn, &u32)| {
+            let half = |half| [1.0 + 0.015 * rough(trial, place) * normal(&[4, trial, place, half]); 3];
+            Truth { at: drawn.at, weight: drawn.weight, halves: [half(0), half(1)] }
+        };
+        let judging: Vec<Truth> = drawn.iter().zip(&places).map(truth).collect();
+        let square = mean.seen().map(|pixel| (f64::from(mean.beauty(pixel).x) - 1.0).powi(2)).sum::<f64>();
+        let is = (square / f64::from(SIDE * SIDE)).sqrt() / level(&mean).unwrap();
+        (error(&mean, &window, &judging, &judged).unwrap(), is)
     }
 
     #[test]
@@ -179,6 +175,7 @@ mod tests {
                 }
             }
         }
+        eprintln!("{held} of {all}, widths {widths:?}");
         assert!(f64::from(held) >= 0.92 * f64::from(all), "{held} of {all}");
         assert!(widths[1] < 0.8 * widths[0], "{widths:?}");
     }

@@ -1,6 +1,6 @@
 //! References of pixels, in two halves that share nothing random: not even photons.
 
-use super::pixels::Drawn;
+use super::pixels::{Drawn, Purpose};
 use super::streams::Streams;
 use super::worth::Truth;
 use super::{Goal, Job, KNOB};
@@ -19,8 +19,8 @@ const MOST_ROUNDS: u32 = 128;
 /// Rounds grow at most so many times before their noise is looked at again.
 const STEP: u32 = 4;
 
-/// Share of a time for the references of both sets.
-const FOR_TRUTH: f64 = 0.2;
+/// Share of a time for the references of each set.
+const FOR_TRUTH: f64 = 0.1;
 /// Pixels that are looked at before the clock is.
 const AT_A_TIME: usize = 16;
 
@@ -30,117 +30,135 @@ pub(super) struct Judges {
     pub truths: Vec<Truth>,
 }
 
-/// One half of the references of both sets of pixels: a stream of rounds for each set. They share its photons.
-struct Half {
+/// One half of all references, which shares nothing random with the other.
+#[derive(Debug, Default)]
+pub(super) struct Half {
     seed: u32,
     photons: Streams,
-    /// Rounds done for each set.
-    rounds: [u32; 2],
-    /// Of each set, means over the rounds in the order of the pixels; fewer where time was short.
-    means: [Vec<[f64; 3]>; 2],
+    /// Seconds that it takes to make the scene ready.
+    preparing: f64,
+}
+
+/// Pixels whose references are made.
+struct Set<'a> {
+    drawn: &'a [Drawn],
+    purpose: Purpose,
+    /// Once the scene was made ready.
+    pixels: Option<Selection>,
+}
+
+/// Rounds of a half over a set of pixels, each a pass.
+#[derive(Debug, Default)]
+struct Rounds {
+    done: u32,
+    /// Means over them in the order of the pixels; fewer where time was short.
+    means: Vec<[f64; 3]>,
+}
+
+impl Half {
+    /// Both halves of a picture's references.
+    pub fn both(seed: u32, goal: Goal) -> [Self; 2] {
+        [0, 1].map(|half| Self {
+            seed: hash(&[TRUTH, seed, half]),
+            photons: Streams::new(goal.error()),
+            preparing: 0.0,
+        })
+    }
 }
 
 impl Job<'_> {
-    /// References of two sets of pixels in rounds, as many as make their noise small against the error asked for.
-    pub(super) fn references(&mut self, drawn: &[Vec<Drawn>; 2], level: f64) -> Result<[Judges; 2], RenderError> {
-        let seed = self.given.sampling.seed;
-        let mut pixels: Option<[Selection; 2]> = None;
-        let mut halves = [0, 1].map(|half| Half {
-            seed: hash(&[TRUTH, seed, half]),
-            photons: Streams::new(self.goal.error()),
-            rounds: [0; 2],
-            means: [Vec::new(), Vec::new()],
-        });
-        for (number, half) in halves.iter_mut().enumerate() {
-            self.rounds(
-                half,
-                drawn,
-                &mut pixels,
-                [1; 2],
-                [0, 1].map(|set| FOR_TRUTH * (2 * number + set + 1) as f64 / 4.0),
-            )?;
-        }
-        if let Goal::Error(error) = self.goal {
-            let mut rounds = [1; 2];
-            loop {
-                let next = [0, 1].map(|set| {
-                    let truths = truths(&drawn[set], &halves, set);
-                    let variance = truths.iter().map(|truth| truth.weight * truth.variance()).sum::<f64>();
-                    let enough = (NOISE * error * level).powi(2) * truths.len().max(1) as f64;
-                    // The variance of a mean of as many more rounds falls as many times, or faster: not all of them at once.
-                    let wanted = (f64::from(rounds[set]) * variance / enough).ceil() as u32;
-                    wanted.clamp(rounds[set], (STEP * rounds[set]).min(MOST_ROUNDS))
+    /// References of a set of pixels in rounds, as many as make their noise small against the error asked for.
+    pub(super) fn references(&mut self, drawn: &[Drawn], purpose: Purpose, level: f64) -> Result<Judges, RenderError> {
+        let mut halves = std::mem::take(&mut self.halves);
+        let mut rounds = [Rounds::default(), Rounds::default()];
+        let mut set = Set { drawn, purpose, pixels: None };
+        let begin = self.elapsed();
+        let mut until = 1;
+        loop {
+            for (number, (half, rounds)) in halves.iter_mut().zip(&mut rounds).enumerate() {
+                let deadline = self.goal.time().map(|time| {
+                    let share = 0.5 * (number + 1) as f64;
+                    begin + half.preparing + share * FOR_TRUTH * time
                 });
-                if next == rounds {
-                    break;
-                }
-                rounds = next;
-                for half in &mut halves {
-                    self.rounds(half, drawn, &mut pixels, rounds, [1.0; 2])?;
-                }
+                self.rounds(half, rounds, &mut set, until, deadline)?;
             }
+            let Goal::Error(error) = self.goal else { break };
+            let truths = truths(drawn, &rounds);
+            let variance = truths.iter().map(|truth| truth.weight * truth.variance()).sum::<f64>();
+            let enough = (NOISE * error * level).powi(2) * truths.len().max(1) as f64;
+            // The variance of a mean of as many more rounds falls as many times, or faster: not all of them at once.
+            let wanted = (f64::from(until) * variance / enough).ceil() as u32;
+            let next = wanted.clamp(until, (STEP * until).min(MOST_ROUNDS));
+            if next == until {
+                break;
+            }
+            until = next;
         }
-        let mut pixels = pixels.unwrap_or_default();
-        Ok([0, 1].map(|set| {
-            let truths = truths(&drawn[set], &halves, set);
-            let mut pixels = std::mem::take(&mut pixels[set]);
-            pixels.truncate(truths.len());
-            Judges { pixels, truths }
-        }))
+        self.halves = halves;
+        let mut pixels = set.pixels.unwrap_or_default();
+        let truths = truths(drawn, &rounds);
+        pixels.truncate(truths.len());
+        Ok(Judges { pixels, truths })
     }
 
-    /// Adds rounds to a half until each set has so many. Where a time is asked for, pixels only as long as less than this share of it is spent.
+    /// Seconds that are kept for the references of those that judge.
+    pub(super) fn kept(&self, time: f64) -> f64 {
+        FOR_TRUTH * time + self.halves.iter().map(|half| half.preparing).sum::<f64>()
+    }
+
+    /// Adds rounds to a half until there are so many. Up to a deadline, in seconds since the beginning, if there is one: then pixels only as long as it is not over.
     fn rounds(
         &mut self,
         half: &mut Half,
-        drawn: &[Vec<Drawn>; 2],
-        pixels: &mut Option<[Selection; 2]>,
-        until: [u32; 2],
-        shares: [f64; 2],
+        rounds: &mut Rounds,
+        set: &mut Set<'_>,
+        until: u32,
+        deadline: Option<f64>,
     ) -> Result<(), RenderError> {
-        let (progress, goal, begin) = (self.progress, self.goal, self.begin);
+        let (progress, begin) = (self.progress, self.begin);
+        let began = self.elapsed();
         let mut prepared = self.prepare(KNOB.len(), half.seed, half.photons.first())?;
-        let places = |drawn: &Vec<Drawn>| drawn.iter().map(|drawn| drawn.at).collect::<Vec<_>>();
-        let pixels = pixels.get_or_insert_with(|| [0, 1].map(|set| prepared.select(&places(&drawn[set]))));
-        let left = [0, 1].map(|set| u64::from(until[set] - half.rounds[set]) * pixels[set].len() as u64);
-        progress.stage("calibrating", left[0] + left[1]);
+        half.preparing = begin.elapsed().as_secs_f64() - began;
+        let places = || set.drawn.iter().map(|drawn| drawn.at).collect::<Vec<_>>();
+        let pixels = set.pixels.get_or_insert_with(|| prepared.select(&places()));
+        progress.stage(set.purpose.stage(), u64::from(until - rounds.done) * pixels.len() as u64);
         let mut turns = 0;
-        for set in [0, 1] {
-            while half.rounds[set] < until[set] {
-                half.photons.turn(&mut prepared, half.seed, turns, progress)?;
-                turns += 1;
-                let sequence = Sequence { seed: hash(&[TRUTH, half.seed, set as u32]), place: half.rounds[set] };
-                let pass = Pass { seed: hash(&[TRUTH, half.seed, set as u32, half.rounds[set]]), sequence };
-                let mut found = Vec::new();
-                for some in pixels[set].parts(AT_A_TIME) {
-                    let spent = |time: f64| begin.elapsed().as_secs_f64() > shares[set] * time;
-                    if !found.is_empty() && matches!(goal, Goal::Time(time) if spent(time)) {
-                        break;
-                    }
-                    let pixels = prepared.pixels(&some, pass, progress)?.pixels;
-                    found.extend(pixels.iter().map(|pixel| pixel.beauty.as_dvec3().to_array()));
+        while rounds.done < until {
+            half.photons.turn(&mut prepared, half.seed, turns, progress)?;
+            turns += 1;
+            let stream = hash(&[TRUTH, half.seed, set.purpose as u32]);
+            let sequence = Sequence { seed: stream, place: rounds.done };
+            let pass = Pass { seed: hash(&[stream, rounds.done]), sequence };
+            let mut found = Vec::new();
+            for some in pixels.parts(AT_A_TIME) {
+                if !found.is_empty() && deadline.is_some_and(|deadline| begin.elapsed().as_secs_f64() > deadline) {
+                    break;
                 }
-                half.rounds[set] += 1;
-                add(&mut half.means[set], found, half.rounds[set]);
+                let pixels = prepared.pixels(&some, pass, progress)?.pixels;
+                found.extend(pixels.iter().map(|pixel| pixel.beauty.as_dvec3().to_array()));
             }
+            rounds.add(found);
         }
         half.photons.end(prepared, half.seed, turns, progress)
     }
 }
 
-/// Takes a round, the `rounds`th, into the means.
-fn add(means: &mut Vec<[f64; 3]>, found: Vec<[f64; 3]>, rounds: u32) {
-    if rounds == 1 {
-        *means = found;
-        return;
-    }
-    for (mean, new) in means.as_flattened_mut().iter_mut().zip(found.as_flattened()) {
-        *mean += (new - *mean) / f64::from(rounds);
+impl Rounds {
+    /// Takes another round into the means.
+    fn add(&mut self, found: Vec<[f64; 3]>) {
+        self.done += 1;
+        if self.done == 1 {
+            self.means = found;
+            return;
+        }
+        for (mean, new) in self.means.as_flattened_mut().iter_mut().zip(found.as_flattened()) {
+            *mean += (new - *mean) / f64::from(self.done);
+        }
     }
 }
 
 /// The references of a set: of the pixels that both halves have.
-fn truths(drawn: &[Drawn], [a, b]: &[Half; 2], set: usize) -> Vec<Truth> {
-    let both = drawn.iter().zip(a.means[set].iter().zip(&b.means[set]));
+fn truths(drawn: &[Drawn], [a, b]: &[Rounds; 2]) -> Vec<Truth> {
+    let both = drawn.iter().zip(a.means.iter().zip(&b.means));
     both.map(|(drawn, (a, b))| Truth { at: drawn.at, weight: drawn.weight, halves: [*a, *b] }).collect()
 }

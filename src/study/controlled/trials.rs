@@ -27,7 +27,7 @@ const FIRST: [f64; 3] = [0.1, 0.04, 0.015];
 const FEW: u32 = 3;
 
 /// Share of a time for all that comes before the picture.
-const FOR_TRIALS: f64 = 0.35;
+const FOR_TRIALS: f64 = 0.25;
 
 impl Job<'_> {
     /// What a pass is worth at places of the knob, as far as it can pay.
@@ -76,7 +76,7 @@ impl Job<'_> {
             if self.elapsed() > FOR_TRIALS * time && !trials.is_empty() {
                 break;
             }
-            let left = time - self.elapsed();
+            let left = self.left(time);
             let trial = self.trial(place, judges, level, 0.0)?;
             trials.push(trial);
             if trial.work > left {
@@ -146,7 +146,7 @@ impl Job<'_> {
                     |(trial, passes)| (*trial, passes),
                 );
             }
-            Goal::Time(time) => time - self.elapsed(),
+            Goal::Time(time) => self.left(time),
         };
         let passes = |trial: &Trial| ((left - trial.before) / trial.work.max(1e-9)).floor();
         let possible: Vec<Trial> = trials.iter().filter(|trial| passes(trial) >= 1.0).copied().collect();
