@@ -1,5 +1,7 @@
 //! References of pixels, in two halves that share nothing random: not even photons.
 
+use std::time::Instant;
+
 use super::pixels::{Drawn, Purpose};
 use super::streams::Streams;
 use super::worth::Truth;
@@ -72,15 +74,11 @@ impl Job<'_> {
         let mut halves = std::mem::take(&mut self.halves);
         let mut rounds = [Rounds::default(), Rounds::default()];
         let mut set = Set { drawn, purpose, pixels: None };
-        let begin = self.elapsed();
+        let seconds = self.goal.time().map(|time| 0.5 * FOR_TRUTH * time);
         let mut until = 1;
         loop {
-            for (number, (half, rounds)) in halves.iter_mut().zip(&mut rounds).enumerate() {
-                let deadline = self.goal.time().map(|time| {
-                    let share = 0.5 * (number + 1) as f64;
-                    begin + half.preparing + share * FOR_TRUTH * time
-                });
-                self.rounds(half, rounds, &mut set, until, deadline)?;
+            for (half, rounds) in halves.iter_mut().zip(&mut rounds) {
+                self.rounds(half, rounds, &mut set, until, seconds)?;
             }
             let Goal::Error(error) = self.goal else { break };
             let truths = truths(drawn, &rounds);
@@ -106,19 +104,20 @@ impl Job<'_> {
         FOR_TRUTH * time + self.halves.iter().map(|half| half.preparing).sum::<f64>()
     }
 
-    /// Adds rounds to a half until there are so many. Up to a deadline, in seconds since the beginning, if there is one: then pixels only as long as it is not over.
+    /// Adds rounds to a half until there are so many. Where only so many seconds are given for it, pixels as long as they last.
     fn rounds(
         &mut self,
         half: &mut Half,
         rounds: &mut Rounds,
         set: &mut Set<'_>,
         until: u32,
-        deadline: Option<f64>,
+        seconds: Option<f64>,
     ) -> Result<(), RenderError> {
-        let (progress, begin) = (self.progress, self.begin);
-        let began = self.elapsed();
+        let progress = self.progress;
+        let begin = Instant::now();
         let mut prepared = self.prepare(KNOB.len(), half.seed, half.photons.first())?;
-        half.preparing = begin.elapsed().as_secs_f64() - began;
+        half.preparing = begin.elapsed().as_secs_f64();
+        let begin = Instant::now();
         let places = || set.drawn.iter().map(|drawn| drawn.at).collect::<Vec<_>>();
         let pixels = set.pixels.get_or_insert_with(|| prepared.select(&places()));
         progress.stage(set.purpose.stage(), u64::from(until - rounds.done) * pixels.len() as u64);
@@ -131,7 +130,7 @@ impl Job<'_> {
             let pass = Pass { seed: hash(&[stream, rounds.done]), sequence };
             let mut found = Vec::new();
             for some in pixels.parts(AT_A_TIME) {
-                if !found.is_empty() && deadline.is_some_and(|deadline| begin.elapsed().as_secs_f64() > deadline) {
+                if !found.is_empty() && seconds.is_some_and(|seconds| begin.elapsed().as_secs_f64() > seconds) {
                     break;
                 }
                 let pixels = prepared.pixels(&some, pass, progress)?.pixels;
