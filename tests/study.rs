@@ -13,6 +13,7 @@ use tress::render::progress::Unwatched;
 use tress::render::{self, Film, Mean, Options, Pass, Prepared};
 use tress::scene::description::OcclusionMode;
 use tress::study::accuracy::errors::{Halves, Picture};
+use tress::study::accuracy::settings::KNOB;
 use tress::study::controlled::{Goal, render_to};
 
 const SCENE: &str = r#"
@@ -175,6 +176,27 @@ fn the_standard_error_is_the_spread_of_means() {
         .sum();
     // Both are sums over some hundred pixels of squares with 56 and 7 degrees of freedom.
     assert!((told / spread - 1.0).abs() < 0.25, "{told} {spread}");
+}
+
+/// References are rendered after the picture, with settings of their own; the scene and the claim have those of the picture.
+#[test]
+fn the_settings_that_are_told_are_those_of_the_picture() {
+    for goal in [Goal::Time(0.2), Goal::Error(0.9), Goal::Error(0.1)] {
+        let mut scene = common::load(SCENE, &["sampling.seed=5"]);
+        let (_, statistics) = render_to(&mut scene, goal, &Options::default(), &Unwatched).expect("a picture");
+        let claim = statistics.claim.expect("a claim");
+        let settings = KNOB.iter().find(|(name, _)| *name == claim.settings).expect("settings of the knob").1;
+        let [accuracy, faces, layers, _, samples] = settings;
+        for (key, value) in [
+            ("occlusion.accuracy", accuracy),
+            ("occlusion.faces", faces),
+            ("sampling.layers", layers),
+            ("sampling.surface_samples", samples),
+        ] {
+            assert!(claim.set.contains(&format!("{key}={value}")), "{goal:?}, {}: {:?}", claim.settings, claim.set);
+        }
+        assert_eq!(scene.description().sampling.seed, 5, "{goal:?}");
+    }
 }
 
 #[test]

@@ -162,13 +162,15 @@ fn whole(text: &str) -> Option<u32> {
     digits.then(|| text.parse().ok()).flatten()
 }
 
-/// An RMS error of sky visibility: above 0, up to 1.
+/// An error as a share (an RMS error of sky visibility, or of a picture): above 0, up to 1.
 ///
 /// # Errors
 /// A message that shows the form.
 pub fn accuracy(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|&number: &f64| number > 0.0 && number <= 1.0);
-    number.ok_or_else(|| format!("\"{}\" is no number above 0 and up to 1; write a share, as in 0.01 for 1 %", clip(text)))
+    number.ok_or_else(|| {
+        format!("\"{}\" is no number above 0 and up to 1; write a share, as in 0.01 for 1 %", clip(text))
+    })
 }
 
 /// An amount of memory, in bytes: `2GiB`, `512MiB`, `1.5GB`, or a whole number of bytes.

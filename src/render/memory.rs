@@ -45,6 +45,8 @@ const SPHERE_TRIANGLES: u64 = 20_480;
 const TEAPOT_TRIANGLES: u64 = 43_056;
 /// A pixel's sums over passes, in `f64`, and the means of its streams.
 const PASS_PIXEL: u64 = 264;
+/// A pixel that may be drawn to judge a picture: its light, its variance and its chance.
+const DRAWN_PIXEL: u64 = 32;
 /// A photon that is kept, and its share of the trees over them while they are built.
 const PHOTON: u64 = 120;
 /// A way of such a photon through the box around the hair; and a point on it, with its share of the tree while it is built.
@@ -318,7 +320,10 @@ impl Counts {
             let writing = size_of::<Pixel>() as u64 + 2 * 4 * output::channel_count(&description.output.layers) as u64;
             sum.add(format!("the picture of {pixels} pixels"), pixels * shading.max(writing));
             let passes = description.passes();
-            if passes > 1 {
+            if photon_sets > 1 {
+                // To an error or a time: as many passes as it takes, and then pixels are drawn.
+                sum.add("the mean of passes", pixels * (PASS_PIXEL + DRAWN_PIXEL + size_of::<Pixel>() as u64));
+            } else if passes > 1 {
                 sum.add(format!("the mean of {passes} passes"), pixels * (PASS_PIXEL + size_of::<Pixel>() as u64));
             }
         }

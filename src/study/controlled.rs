@@ -3,15 +3,16 @@
 //! The error is looked at where it arises, in pixels drawn with a chance that grows with their light and noise (`pixels`). For each there is a reference in
 //! two independent halves (`references`), of rays, many faces, layers drawn by chance and photons of their own. A first set of pixels chooses: for places of
 //! the knob (`KNOB`) they give bias and noise of a pass (`trials`), so that the work of enough passes is known before the first. A second set, drawn from
-//! the finished picture and with references of its own, judges that and nothing else, so that the error claimed is not that of the settings which were lucky
-//! at the pixels that chose them. What is judged is the picture itself: noise and bias need no model there.
+//! the finished picture and with rounds of references of its own, judges that and nothing else, so that the error claimed is not that of the settings which
+//! were lucky at the pixels that chose them. (The heaviest pixels are in both sets, and both have the references' photons.) What is judged is the picture itself: noise and bias need no model there.
 //!
 //! How fine references are and how often trials are run follows the error that is asked for. Work, not time, decides there, and all of it is counted, so the
 //! picture depends on the scene alone. Where a time is asked for it cannot.
 
 use std::time::Instant;
 
-use self::pixels::{Looked, Purpose};
+use self::further::Further;
+use self::pixels::{Drawn, Looked, Purpose};
 use self::references::Half;
 use self::settings::{set, set_truth};
 use self::streams::Streams;
@@ -118,32 +119,47 @@ struct Picture {
     window: PixelRect,
     mean: Mean,
     statistics: Statistics,
+    /// Pixels that judge it, and the mean of its and further passes there.
+    drawn: Vec<Drawn>,
+    judged: Mean,
+    /// Since they began to.
+    judging: Watch,
 }
 
 impl Job<'_> {
     fn run(mut self) -> Result<(Film, Statistics), RenderError> {
         let watch = Watch::start();
         let (seed, looked) = (self.given.sampling.seed, self.look()?);
-        let choosing = self.references(&looked.draw(seed, Purpose::Choosing), Purpose::Choosing, looked.level)?;
+        let choosing =
+            self.references(&looked.draw(seed, Purpose::Choosing, usize::MAX), Purpose::Choosing, looked.level)?;
         let trials = self.trials(&choosing, looked.level)?;
         let (trial, passes) = self.choose(&trials);
-        let picture = self.passes(trial, passes, &choosing.truths, looked.level, &watch)?;
-        let watch = Watch::start();
-        let looked = Looked::at(&picture.mean, &picture.window);
-        let judging = self.references(&looked.draw(seed, Purpose::Judging), Purpose::Judging, looked.level)?;
-        let judged = self.further(&picture, &judging, looked.level)?;
-        let claim = self.claim(&picture, &judging.truths, &judged);
-        let Picture { mean, mut statistics, .. } = picture;
+        // Where time was short for those that choose it is for those that judge: fewer are drawn, rather than some of those drawn left out.
+        let short = self.goal.time().is_some() && choosing.truths.len() < Purpose::CHOOSING;
+        let judges = if short { choosing.truths.len() } else { usize::MAX };
+        let picture = self.passes(trial, passes, &choosing.truths, looked.level, judges, &watch)?;
+        let judging = self.references(&picture.drawn, Purpose::Judging, looked.level)?;
+        // References have settings of their own.
+        self.describe(trial.place, seed);
+        let claim = self.claim(&picture, &judging.truths);
+        let Picture { mean, mut statistics, judging, .. } = picture;
         let film = mean.film();
-        statistics.stages.push(watch.stage(Purpose::Judging.stage()));
+        statistics.stages.push(judging.stage(Purpose::Judging.stage()));
         statistics.mean = film.mean_beauty().to_array();
         statistics.claim = claim;
         self.scene.document.description.output = self.given.output.clone();
         Ok((film, statistics))
     }
 
-    /// The scene at a place of the knob with a seed, its surfaces back, and with photons of that seed, if they were traced before: who has done with them puts them back.
+    /// The scene at a place of the knob with a seed, its surfaces back, and with photons of that seed, if they were traced before.
     fn prepare(&mut self, place: usize, seed: u32, photons: Option<Photons>) -> Result<Prepared<'_>, RenderError> {
+        self.describe(place, seed);
+        self.scene.surfaces = self.surfaces.clone();
+        Prepared::again(self.scene, self.options, Earlier { photons, maps: &mut self.maps }, self.progress)
+    }
+
+    /// Gives the scene the settings of a place of the knob.
+    fn describe(&mut self, place: usize, seed: u32) {
         let mut description = self.given.clone();
         self.scene.shadows = self.shadows.clone();
         match KNOB.get(place) {
@@ -158,8 +174,6 @@ impl Job<'_> {
         }
         description.sampling.seed = seed;
         self.scene.document.description = description;
-        self.scene.surfaces = self.surfaces.clone();
-        Prepared::again(self.scene, self.options, Earlier { photons, maps: &mut self.maps }, self.progress)
     }
 
     fn elapsed(&self) -> f64 {
@@ -171,13 +185,14 @@ impl Job<'_> {
         time - self.kept(time) - self.elapsed()
     }
 
-    /// The picture in passes of settings that were tried.
+    /// The picture in passes of settings that were tried, and more of them at so many pixels at the most that judge it.
     fn passes(
         &mut self,
         trial: Trial,
         planned: u32,
         choosing: &[Truth],
         level: f64,
+        judges: usize,
         watch: &Watch,
     ) -> Result<Picture, RenderError> {
         let (seed, progress, goal, begin) = (self.given.sampling.seed, self.progress, self.goal, self.begin);
@@ -221,12 +236,15 @@ impl Job<'_> {
             mean.add(&prepared.pass(Pass::of(seed, done), progress)?);
             done += 1;
         }
+        let judging = Watch::start();
+        let looked = Looked::at(&mean, &window);
+        let drawn = looked.draw(seed, Purpose::Judging, judges);
+        let further = Further { drawn: &drawn, error: goal.error(), level: looked.level, seed, work: trial.work };
+        let judged = further.passes(&mean, &mut prepared, &mut streams, progress)?;
         let mut statistics = prepared.statistics().clone();
-        streams.put_first(prepared.into_photons());
-        self.streams = streams;
         statistics.stages.retain(|stage| ["tracing more photons", "rendering"].contains(&stage.name.as_str()));
         statistics.stages.insert(0, stage);
-        Ok(Picture { trial, window, mean, statistics })
+        Ok(Picture { trial, window, mean, statistics, drawn, judged, judging })
     }
 }
 

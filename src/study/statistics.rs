@@ -109,7 +109,7 @@ impl Summary {
                 high: reach.map(|reach| mean.value + reach),
             },
             standard_error: error,
-            rms: root_of_difference(&square, &noise),
+            rms: root_of_difference(&square, &noise, 1.0),
             rms_with_noise: square.value.sqrt(),
             noise: noise.value.sqrt(),
         })
@@ -122,7 +122,7 @@ pub fn rms_of_squares(squares: &[f64], noises: &[f64]) -> Option<Estimate> {
     if squares.is_empty() || squares.len() != noises.len() {
         return None;
     }
-    Some(root_of_difference(&Moment::of(squares, |value| *value), &Moment::of(noises, |value| *value)))
+    Some(root_of_difference(&Moment::of(squares, |value| *value), &Moment::of(noises, |value| *value), f64::INFINITY))
 }
 
 /// A mean and its variance; the variance is not known from a single point.
@@ -186,10 +186,10 @@ impl Moment {
     }
 }
 
-/// √(a - b), at least 0, of two independent positive means. No difference of values in 0 to 1 is above 1.
-fn root_of_difference(a: &Moment, b: &Moment) -> Estimate {
+/// √(a - b), at least 0 and at most what a difference may be, of two independent positive means.
+fn root_of_difference(a: &Moment, b: &Moment, most: f64) -> Estimate {
     let square = a.value - b.value;
-    let root = |square: f64| square.clamp(0.0, 1.0).sqrt();
+    let root = |square: f64| square.clamp(0.0, most * most).sqrt();
     let ends = a.interval().zip(b.interval()).map(|([a_low, a_high], [b_low, b_high])| {
         let below = (a.value - a_low).hypot(b_high - b.value);
         let above = (a_high - a.value).hypot(b.value - b_low);
@@ -341,5 +341,8 @@ mod tests {
         let noisy = [Sample { value: 0.5, reference: [0.4, 0.6] }, Sample { value: 0.5, reference: [0.45, 0.55] }];
         let rms = Summary::of(&noisy).unwrap().rms;
         assert_eq!((rms.value, rms.low), (0.0, Some(0.0)));
+        // Squares as shares of something may be above 1.
+        let twice = rms_of_squares(&[4.0; 5], &[0.0; 5]).unwrap();
+        assert_eq!(twice, Estimate { value: 2.0, low: Some(2.0), high: Some(2.0) });
     }
 }

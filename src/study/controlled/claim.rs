@@ -13,9 +13,9 @@ use crate::scene::loaded::LampShadows;
 use crate::study::statistics::{NORMAL, rms_of_squares};
 
 impl Job<'_> {
-    /// The claim; none of a picture in which nothing is seen. `judged` are passes at the pixels of the references, in their order.
-    pub(super) fn claim(&self, picture: &Picture, judging: &[Truth], judged: &Mean) -> Option<Claim> {
-        let Picture { trial, window, mean, .. } = picture;
+    /// The claim, with the scene as its picture has it; none of a picture in which nothing is seen.
+    pub(super) fn claim(&self, picture: &Picture, judging: &[Truth]) -> Option<Claim> {
+        let Picture { trial, window, mean, judged, .. } = picture;
         let [error, low, high] = error(mean, window, judging, judged)?;
         let asked = self.goal.error();
         Some(Claim {
@@ -69,7 +69,7 @@ fn error(picture: &Mean, window: &PixelRect, judging: &[Truth], judged: &Mean) -
     let reach = noise.reach.hypot(2.0 * NORMAL * both.sqrt());
     let square = bias.value.powi(2) + noise.square;
     let low = square - (bias.value.powi(2) - bias.low.unwrap_or(0.0).powi(2)).hypot(reach);
-    let high = square + (bias.high.unwrap_or(1.0).powi(2) - bias.value.powi(2)).hypot(reach);
+    let high = square + (bias.high.unwrap_or(f64::INFINITY).powi(2) - bias.value.powi(2)).hypot(reach);
     Some([square, low.max(0.0), high].map(f64::sqrt))
 }
 
@@ -138,7 +138,7 @@ mod tests {
     }
 
     /// Error, interval and what is true of a picture of 12 passes, with so many more at pixels that are drawn by what is known of it. Halves of references have
-    /// three quarters of the noise of a pass.
+    /// three eighths of the noise of a pass.
     fn trial(trial: u32, bias: f64, further: u32) -> ([f64; 3], f64) {
         let window = PixelRect { min: [0, 0], max: [SIDE; 2] };
         let all: Vec<u32> = (0..SIDE * SIDE).collect();
@@ -146,7 +146,7 @@ mod tests {
         film.pixels = pass(0, trial, bias, &all);
         let mut mean = Mean::new(film);
         (1..12).for_each(|number| mean.add_pixels(&pass(number, trial, bias, &all)));
-        let drawn = Looked::at(&mean, &window).draw(trial, Purpose::Judging);
+        let drawn = Looked::at(&mean, &window).draw(trial, Purpose::Judging, usize::MAX);
         let places: Vec<u32> = drawn.iter().map(|drawn| window.index(drawn.at) as u32).collect();
         let mut judged = mean.at(&places.iter().map(|&place| place as usize).collect::<Vec<_>>());
         (12..12 + further).for_each(|number| judged.add_pixels(&pass(number, trial, bias, &places)));

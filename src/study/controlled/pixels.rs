@@ -19,8 +19,6 @@ const LOOK: u32 = 0x4C4F_4F4B;
 const DRAW: u32 = 0x4452_5043;
 const ORDER: u32 = 0x4F52_4452;
 
-/// Pixels that choose settings.
-const CHOOSING: usize = 96;
 /// Pixels that judge, at the most: a small part of the pixels may hold most of the bias, and few that judge miss it unawares.
 const JUDGING: usize = 256;
 /// One pixel in so many judges where the picture is small, but no fewer than choose.
@@ -36,6 +34,9 @@ pub(super) enum Purpose {
 }
 
 impl Purpose {
+    /// Pixels that choose settings.
+    pub const CHOOSING: usize = 96;
+
     /// What a render is doing with them, for its progress.
     pub fn stage(self) -> &'static str {
         match self {
@@ -96,14 +97,13 @@ impl Job<'_> {
 }
 
 impl Looked {
-    /// At a picture over this window; its variance is known of two or more passes.
+    /// At a picture over this window; a single pass tells no variance.
     pub fn at(picture: &Mean, window: &PixelRect) -> Self {
         let width = (window.max[0] - window.min[0]) as usize;
-        let variance = |pixel| if picture.passes() > 1 { picture.variance_of(pixel).element_sum() / 3.0 } else { 0.0 };
         let place = |pixel| Seen {
             at: [window.min[0] + (pixel % width) as u32, window.min[1] + (pixel / width) as u32],
             light: light(picture.beauty(pixel)),
-            variance: variance(pixel),
+            variance: picture.variance_of(pixel).element_sum() / 3.0,
         };
         Self::new(picture.seen().map(place).collect())
     }
@@ -119,12 +119,13 @@ impl Looked {
         Self { seen, level: level.max(1e-30) }
     }
 
-    /// A set of pixels, none twice in it. They come in any order, so that the first of them stand for all where time is short.
-    pub fn draw(&self, seed: u32, purpose: Purpose) -> Vec<Drawn> {
+    /// A set of pixels, so many at the most and none twice in it. They come in any order, so that the first of them stand for all where time is short.
+    pub fn draw(&self, seed: u32, purpose: Purpose, most: usize) -> Vec<Drawn> {
         let count = match purpose {
-            Purpose::Choosing => CHOOSING,
-            Purpose::Judging => (self.seen.len() / JUDGED).clamp(CHOOSING, JUDGING),
+            Purpose::Choosing => Purpose::CHOOSING,
+            Purpose::Judging => (self.seen.len() / JUDGED).clamp(Purpose::CHOOSING, JUDGING),
         };
+        let count = count.min(most);
         let (sizes, set) = (self.sizes(), purpose as u32);
         let n = self.seen.len().max(1) as f64;
         let mut drawn = Vec::new();
@@ -179,8 +180,8 @@ mod tests {
         let looked = Looked::new(seen);
         let (mut sum, mut weights, draws) = (0.0, 0.0, 400);
         for seed in 0..draws {
-            let drawn = looked.draw(seed, Purpose::Choosing);
-            assert_eq!(drawn.len(), CHOOSING);
+            let drawn = looked.draw(seed, Purpose::Choosing, usize::MAX);
+            assert_eq!(drawn.len(), Purpose::CHOOSING);
             assert!([7, 407, 807].iter().all(|&i| drawn.iter().any(|drawn| drawn.at == [i, 0])));
             let square = |drawn: &Drawn| drawn.weight * square(&place(drawn.at[0]));
             sum += drawn.iter().map(square).sum::<f64>() / drawn.len() as f64;
@@ -208,15 +209,16 @@ mod tests {
         let looked = Looked::new((0..64 * 64).map(|i| place([i % 64, i / 64], 1.0)).collect());
         let mut below = 0;
         for seed in 0..100 {
-            let [choosing, judging] = [Purpose::Choosing, Purpose::Judging].map(|purpose| looked.draw(seed, purpose));
-            assert_eq!([choosing.len(), judging.len()], [CHOOSING, JUDGING]);
+            let [choosing, judging] =
+                [Purpose::Choosing, Purpose::Judging].map(|purpose| looked.draw(seed, purpose, usize::MAX));
+            assert_eq!([choosing.len(), judging.len()], [Purpose::CHOOSING, JUDGING]);
             below += judging[..16].iter().filter(|drawn| drawn.at[1] >= 32).count();
         }
         // 1,600 draws of a half: 800 with a deviation of less than 20.
         assert!((700..900).contains(&below), "{below}");
         // A small picture is judged by as many as choose.
-        let judges = |looked: Looked| looked.draw(1, Purpose::Judging).len();
-        assert_eq!(judges(Looked::new((0..400).map(|i| place([i, 0], 1.0)).collect())), CHOOSING);
+        let judges = |looked: Looked| looked.draw(1, Purpose::Judging, usize::MAX).len();
+        assert_eq!(judges(Looked::new((0..400).map(|i| place([i, 0], 1.0)).collect())), Purpose::CHOOSING);
         assert_eq!(judges(Looked::new(vec![place([3, 4], 1.0)])), 1);
     }
 }

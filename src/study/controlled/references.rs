@@ -37,7 +37,7 @@ pub(super) struct Judges {
 pub(super) struct Half {
     seed: u32,
     photons: Streams,
-    /// Seconds that it takes to make the scene ready.
+    /// Seconds that it takes to make the scene ready, without its photons.
     preparing: f64,
 }
 
@@ -84,7 +84,7 @@ impl Job<'_> {
             let truths = truths(drawn, &rounds);
             let variance = truths.iter().map(|truth| truth.weight * truth.variance()).sum::<f64>();
             let enough = (NOISE * error * level).powi(2) * truths.len().max(1) as f64;
-            // The variance of a mean of as many more rounds falls as many times, or faster: not all of them at once.
+            // The variance of a mean of as many more rounds falls as many times, or faster, but for that of photons: not all of them at once.
             let wanted = (f64::from(until) * variance / enough).ceil() as u32;
             let next = wanted.clamp(until, (STEP * until).min(MOST_ROUNDS));
             if next == until {
@@ -116,7 +116,9 @@ impl Job<'_> {
         let progress = self.progress;
         let begin = Instant::now();
         let mut prepared = self.prepare(KNOB.len(), half.seed, half.photons.first())?;
-        half.preparing = begin.elapsed().as_secs_f64();
+        // Photons are traced once.
+        let traced = prepared.statistics().stages.iter().find(|stage| stage.name == "tracing photons");
+        half.preparing = begin.elapsed().as_secs_f64() - traced.map_or(0.0, |stage| stage.seconds);
         let begin = Instant::now();
         let places = || set.drawn.iter().map(|drawn| drawn.at).collect::<Vec<_>>();
         let pixels = set.pixels.get_or_insert_with(|| prepared.select(&places()));
