@@ -119,12 +119,14 @@ fn planned(cost: &Cost) -> Planned {
 fn claimed(claim: &Claim, passes: u32) -> String {
     let percent = |share: f64| format!("{:.3} %", 100.0 * share);
     let warning = if claim.reached { "" } else { "warning: the error asked for was not reached: " };
+    // So few pixels that they tell no upper end.
+    let high = if claim.high.is_finite() { format!("to {}", percent(claim.high)) } else { "or more".to_owned() };
     format!(
-        "{warning}relative RMS error {} (95 %: {} to {}), found at {} pixels; settings \"{}\", {passes} pass{}",
+        "{warning}relative RMS error {} (95 %: {} {high}), found at {} pixel{}; settings \"{}\", {passes} pass{}",
         percent(claim.error),
         percent(claim.low),
-        percent(claim.high),
         claim.pixels,
+        if claim.pixels == 1 { "" } else { "s" },
         claim.settings,
         if passes == 1 { "" } else { "es" }
     )
@@ -166,6 +168,30 @@ pub(super) fn grouped(number: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_error_that_one_pixel_tells_has_no_upper_end() {
+        let claim = Claim {
+            asked: Some(0.5),
+            error: 0.09,
+            low: 0.0,
+            high: f64::INFINITY,
+            pixels: 1,
+            settings: "draft".to_owned(),
+            set: Vec::new(),
+            reached: true,
+        };
+        let text = claimed(&claim, 1);
+        assert_eq!(
+            text,
+            "relative RMS error 9.000 % (95 %: 0.000 % or more), found at 1 pixel; settings \"draft\", 1 pass"
+        );
+        let text = claimed(&Claim { high: 0.2, pixels: 96, ..claim }, 4);
+        assert!(
+            text.contains("(95 %: 0.000 % to 20.000 %), found at 96 pixels;") && text.ends_with("4 passes"),
+            "{text}"
+        );
+    }
 
     #[test]
     fn thousands_stand_apart() {

@@ -89,7 +89,7 @@ pub struct Claim {
     /// What was asked for; none where the time was.
     pub asked: Option<f64>,
     pub error: f64,
-    /// 95 times in 100 the error lies between these.
+    /// 95 times in 100 the error lies between these; `high` is infinite (null in JSON) where a single pixel tells none.
     pub low: f64,
     pub high: f64,
     /// Pixels that it was found at.
@@ -168,6 +168,11 @@ impl Statistics {
             }
             None => self.stages.push(stage),
         }
+    }
+
+    /// Seconds that a stage took; 0 if there was none.
+    pub fn seconds_of(&self, name: &str) -> f64 {
+        self.stages.iter().find(|stage| stage.name == name).map_or(0.0, |stage| stage.seconds)
     }
 
     /// Adds time, in seconds of the wall and of the CPU, to a stage that there is.
