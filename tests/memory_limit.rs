@@ -109,6 +109,20 @@ fn renders_to_an_error_hold_what_rays_of_their_references_take() {
     assert!(traces(Work::RenderTo { window: None, threads: 2, photon_sets: Goal::Error(0.05).photon_sets() }));
 }
 
+/// However few passes the scene asks for, there may be many.
+#[test]
+fn renders_to_an_error_hold_the_mean_of_their_passes() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.toml"), with_hair("grow = { on = 'ball', count = 100 }")).unwrap();
+    let document = scene::load(&folder.path().join("a.toml"), &["camera.resolution=[1000, 1000]".to_owned()]).unwrap();
+    let of =
+        |work| estimate(&document, work).parts.iter().find(|part| part.what.contains("the mean of")).map(|p| p.bytes);
+    assert_eq!(of(Work::Render { window: None, threads: 2 }), None);
+    let bytes = of(Work::RenderTo { window: None, threads: 2, photon_sets: Goal::Time(60.0).photon_sets() }).unwrap();
+    // Sums, the means of four streams, the first pass, and what pixels are drawn by: 264 + 84 + 32 bytes a pixel.
+    assert_eq!(bytes, 380_000_000);
+}
+
 /// Straight hair on a disc.
 fn hair_file(path: &Path, strands: u32, points: u32) {
     let at = |strand: u32, point: u32| {

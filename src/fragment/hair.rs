@@ -55,6 +55,12 @@ impl PixelRect {
     pub fn index(&self, [x, y]: [u32; 2]) -> usize {
         (y - self.min[1]) as usize * (self.max[0] - self.min[0]) as usize + (x - self.min[0]) as usize
     }
+
+    /// Column and row of a pixel by its number.
+    pub fn at(&self, index: usize) -> [u32; 2] {
+        let width = (self.max[0] - self.min[0]) as usize;
+        [self.min[0] + (index % width) as u32, self.min[1] + (index / width) as u32]
+    }
 }
 
 /// Gives `emit` the column, row and fragment of each pixel in `rect` that the segment covers a part of, at most one fragment a pixel, by rows
@@ -220,6 +226,13 @@ mod tests {
     /// One pixel is one unit at depth 1.
     const PLAIN: Projection = Projection { focal: 1.0, center: DVec2::ZERO, near: 1e-3 };
     const IMAGE: PixelRect = PixelRect { min: [0, 0], max: [64, 48] };
+
+    #[test]
+    fn pixels_are_numbered_row_by_row() {
+        let rect = PixelRect { min: [5, 7], max: [8, 11] };
+        assert_eq!([0, 2, 3, 11].map(|index| rect.at(index)), [[5, 7], [7, 7], [5, 8], [7, 10]]);
+        assert!((0..12).all(|index| rect.index(rect.at(index)) == index));
+    }
 
     /// A segment between two places in the image at depth 1.
     fn flat(from: [f32; 2], to: [f32; 2], width: f32) -> HairSegment {

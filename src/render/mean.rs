@@ -114,6 +114,12 @@ impl Mean {
         squares.sum::<DVec3>() / (f64::from(streams) - 1.0).max(1.0)
     }
 
+    /// The mean of that over the channels; 0 of a single pass, which does not tell it.
+    #[must_use]
+    pub fn noise_of(&self, pixel: usize) -> f64 {
+        self.variance_of(pixel).element_sum() / 3.0
+    }
+
     /// The picture: of a single pass that pass itself, to the bit. With its standard error where there are two or more.
     #[must_use]
     pub fn film(self) -> Film {

@@ -319,12 +319,12 @@ impl Counts {
             let shading = 3 * size_of::<Pixel>() as u64;
             let writing = size_of::<Pixel>() as u64 + 2 * 4 * output::channel_count(&description.output.layers) as u64;
             sum.add(format!("the picture of {pixels} pixels"), pixels * shading.max(writing));
-            let passes = description.passes();
+            let (passes, mean) = (description.passes(), PASS_PIXEL + size_of::<Pixel>() as u64);
             if photon_sets > 1 {
                 // To an error or a time: as many passes as it takes, and then pixels are drawn.
-                sum.add("the mean of passes", pixels * (PASS_PIXEL + DRAWN_PIXEL + size_of::<Pixel>() as u64));
+                sum.add("the mean of passes", pixels * (mean + DRAWN_PIXEL));
             } else if passes > 1 {
-                sum.add(format!("the mean of {passes} passes"), pixels * (PASS_PIXEL + size_of::<Pixel>() as u64));
+                sum.add(format!("the mean of {passes} passes"), pixels * mean);
             }
         }
         sum

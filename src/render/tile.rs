@@ -221,7 +221,7 @@ impl<'a> Frame<'a> {
             space.hair.clear();
             space.hair.extend(space.fragments[next..end].iter().map(|(_, fragment)| *fragment));
             next = end;
-            let place = [rect.min[0] + index % width, rect.min[1] + index / width];
+            let place = rect.at(index as usize);
             let mut pixel = self.collect_pixel(index, place, space);
             if self.lighting.effects().specular {
                 self.collect_by_way(index, place, space, &mut pixel);
@@ -451,10 +451,12 @@ impl<'a> Frame<'a> {
             pixel.tangent = pixel.tangent.normalize_or_zero();
         }
         // Sound points may add up to what is not: that is no less to be told.
-        let width = rect.max[0] - rect.min[0];
         for (index, _) in tile.pixels.iter().enumerate().filter(|(_, pixel)| !pixel.is_finite()) {
-            let pixel = [rect.min[0] + index as u32 % width, rect.min[1] + index as u32 / width];
-            tile.non_finite.push(NonFinite { pixel, sample: None, what: "the sum of its points".to_owned() });
+            tile.non_finite.push(NonFinite {
+                pixel: rect.at(index),
+                sample: None,
+                what: "the sum of its points".to_owned(),
+            });
         }
     }
 }
@@ -488,8 +490,7 @@ impl Point {
 
     /// Column and row in the whole picture.
     pub fn place(&self, rect: &PixelRect) -> [u32; 2] {
-        let width = rect.max[0] - rect.min[0];
-        [rect.min[0] + self.pixel % width, rect.min[1] + self.pixel / width]
+        rect.at(self.pixel as usize)
     }
 
     pub fn name(&self) -> String {

@@ -4,7 +4,8 @@
 //! two independent halves (`references`), of rays, many faces, layers drawn by chance and photons of their own. A first set of pixels chooses: for places of
 //! the knob (`KNOB`) they give bias and noise of a pass (`trials`), so that the work of enough passes is known before the first. A second set, drawn from
 //! the finished picture and with rounds of references of its own, judges that and nothing else, so that the error claimed is not that of the settings which
-//! were lucky at the pixels that chose them. (The heaviest pixels are in both sets, and both have the references' photons.) What is judged is the picture itself: noise and bias need no model there.
+//! were lucky at the pixels that chose them. (The heaviest pixels are in both sets, and both have the references' photons.) What is judged is the picture
+//! itself: noise and bias need no model there.
 //!
 //! How fine references are and how often trials are run follows the error that is asked for. Work, not time, decides there, and all of it is counted, so the
 //! picture depends on the scene alone. Where a time is asked for it cannot.
@@ -130,8 +131,8 @@ impl Job<'_> {
     fn run(mut self) -> Result<(Film, Statistics), RenderError> {
         let watch = Watch::start();
         let (seed, looked) = (self.given.sampling.seed, self.look()?);
-        let choosing =
-            self.references(&looked.draw(seed, Purpose::Choosing, usize::MAX), Purpose::Choosing, looked.level)?;
+        let drawn = looked.draw(seed, Purpose::Choosing, usize::MAX);
+        let choosing = self.references(&drawn, Purpose::Choosing, looked.level)?;
         let trials = self.trials(&choosing, looked.level)?;
         let (trial, passes) = self.choose(&trials);
         // Where time was short for those that choose it is for those that judge: fewer are drawn, rather than some of those drawn left out.
@@ -144,7 +145,7 @@ impl Job<'_> {
         let claim = self.claim(&picture, &judging.truths);
         let Picture { mean, mut statistics, judging, .. } = picture;
         let film = mean.film();
-        statistics.stages.push(judging.stage(Purpose::Judging.stage()));
+        statistics.stage(Purpose::Judging.stage(), &judging);
         statistics.mean = film.mean_beauty().to_array();
         statistics.claim = claim;
         self.scene.document.description.output = self.given.output.clone();
@@ -196,7 +197,7 @@ impl Job<'_> {
         watch: &Watch,
     ) -> Result<Picture, RenderError> {
         let (seed, progress, goal, begin) = (self.given.sampling.seed, self.progress, self.goal, self.begin);
-        let end = goal.time().map(|time| time - self.kept(time));
+        let kept = goal.time().map_or(0.0, |time| self.kept(time));
         // A standard error takes two.
         let least = if self.given.output.layers.contains(&Layer::StandardError) { 2 } else { 1 };
         let mut streams = std::mem::take(&mut self.streams);
@@ -209,11 +210,10 @@ impl Job<'_> {
         loop {
             let begun = begin.elapsed().as_secs_f64();
             match goal {
-                Goal::Time(_) => {
+                Goal::Time(time) => {
                     // Another pass takes as long as those before it.
-                    let each = prepared.statistics().stages.iter().find(|stage| stage.name == "rendering");
-                    let each = each.map_or(0.0, |stage| stage.seconds / f64::from(done));
-                    if done >= least && (end.is_some_and(|end| begun + each > end) || done >= MOST_PASSES) {
+                    let each = prepared.statistics().seconds_of("rendering") / f64::from(done);
+                    if done >= least && (begun + each > time - kept || done >= MOST_PASSES) {
                         break;
                     }
                 }

@@ -11,8 +11,8 @@
 //! "Construction of confidence intervals about effect measures"). No resampling, so the same data give the same interval.
 //!
 //! Where points are of uneven noise, A and B go hand in hand. MOVER could take that correlation in, but few points then hold most of both, and the sample's own
-//! correlation says too much: of 2,000 intervals whose noise is a factor e up or down from point to point (one standard deviation), 1,666 held the truth with it
-//! and 1,876 without, which were 13 % wider.
+//! correlation says too much: of 2,000 intervals whose noise is a factor e up or down from point to point (one standard deviation), 1,666 held the truth with it;
+//! without it 1,876 do, and are 13 % wider.
 //!
 //! Samples of several kinds are drawn apart (stratified): a mean over all is the kinds' means by their share of the population,
 //! and its variance is the sum of theirs by the squares of the shares.

@@ -4,6 +4,7 @@
 //! passes have taken the noise away. The sum of both is off the square of b + n by two things that belong to the interval: n² differs from its mean, and n
 //! goes with or against b.
 
+use super::pixels::light;
 use super::worth::Truth;
 use super::{Job, KNOB, Picture};
 use crate::fragment::PixelRect;
@@ -57,14 +58,15 @@ fn error(picture: &Mean, window: &PixelRect, judging: &[Truth], judged: &Mean) -
         scale(truth) * truth.product(value, value)
     };
     let squares: Vec<f64> = judging.iter().enumerate().map(square).collect();
-    let variance = |(index, truth): (usize, &Truth)| scale(truth) * (truth.variance() + variance_in(judged, index));
+    let variance = |(index, truth): (usize, &Truth)| scale(truth) * (truth.variance() + judged.noise_of(index));
     let variances: Vec<f64> = judging.iter().enumerate().map(variance).collect();
     let bias = rms_of_squares(&squares, &variances)?;
     let noise = Noise::of(picture, level);
     // 2 b n has the variance 4 b² v.
-    let both = judging.iter().zip(squares.iter().zip(&variances)).map(|(truth, (square, known))| {
-        (square - known) * variance_in(picture, window.index(truth.at)) / (level * level)
-    });
+    let both = judging
+        .iter()
+        .zip(squares.iter().zip(&variances))
+        .map(|(truth, (square, known))| (square - known) * picture.noise_of(window.index(truth.at)) / (level * level));
     let both = (both.sum::<f64>() / judging.len() as f64).max(0.0) / noise.pixels;
     let reach = noise.reach.hypot(2.0 * NORMAL * both.sqrt());
     let square = bias.value.powi(2) + noise.square;
@@ -75,14 +77,9 @@ fn error(picture: &Mean, window: &PixelRect, judging: &[Truth], judged: &Mean) -
 
 /// Mean of the beauty where something is seen; none where that is black.
 fn level(picture: &Mean) -> Option<f64> {
-    let sum = picture.seen().map(|pixel| picture.beauty(pixel).as_dvec3().element_sum() / 3.0).sum::<f64>();
+    let sum = picture.seen().map(|pixel| light(picture.beauty(pixel))).sum::<f64>();
     let level = sum / picture.seen().count() as f64;
     (level > 0.0).then_some(level)
-}
-
-/// Variance of a pixel, the mean of its channels; 0 of a single pass, which does not tell it.
-fn variance_in(mean: &Mean, pixel: usize) -> f64 {
-    mean.variance_of(pixel).element_sum() / 3.0
 }
 
 /// Noise of a picture, from its passes.
@@ -99,7 +96,7 @@ struct Noise {
 impl Noise {
     fn of(picture: &Mean, level: f64) -> Self {
         let (mut sum, mut squares, mut count) = (0.0, 0.0, 0.0);
-        for variance in picture.seen().map(|pixel| variance_in(picture, pixel)) {
+        for variance in picture.seen().map(|pixel| picture.noise_of(pixel)) {
             (sum, squares, count) = (sum + variance, squares + variance * variance, count + 1.0);
         }
         let scale = 1.0 / (count * level * level);

@@ -65,7 +65,7 @@ impl Further<'_> {
 
     /// Mean variance at the pixels, as a share of the squared level.
     fn noise(&self, mean: &Mean) -> f64 {
-        let of = |(index, drawn): (usize, &Drawn)| drawn.weight * mean.variance_of(index).element_sum() / 3.0;
+        let of = |(index, drawn): (usize, &Drawn)| drawn.weight * mean.noise_of(index);
         self.drawn.iter().enumerate().map(of).sum::<f64>() / (self.drawn.len().max(1) as f64 * self.level.powi(2))
     }
 }

@@ -77,15 +77,14 @@ impl Job<'_> {
         let photons = self.streams.first();
         let prepared = self.prepare(0, seed, photons)?;
         let window = prepared.window();
-        let [width, height] = [0, 1].map(|i| (window.max[i] - window.min[i]) as usize);
         // One in each of as many runs of pixels, all of them in a small picture.
-        let (all, count) = (width * height, (width * height).min(LOOKED_AT));
+        let all = window.pixels() as usize;
+        let count = all.min(LOOKED_AT);
         let number = |n: usize| {
             let place = (n as f64 + unit(&[LOOK, seed, n as u32])) * all as f64 / count as f64;
             if all == count { n } else { (place as usize).min(all - 1) }
         };
-        let place = |pixel: usize| [window.min[0] + (pixel % width) as u32, window.min[1] + (pixel / width) as u32];
-        let some: Vec<[u32; 2]> = (0..count).map(|n| place(number(n))).collect();
+        let some: Vec<[u32; 2]> = (0..count).map(|n| window.at(number(n))).collect();
         progress.stage("looking for pixels", count as u64);
         let looked = prepared.pixels(&prepared.select(&some), Pass::alone(hash(&[LOOK, seed])), progress)?;
         let photons = prepared.into_photons();
@@ -99,11 +98,10 @@ impl Job<'_> {
 impl Looked {
     /// At a picture over this window; a single pass tells no variance.
     pub fn at(picture: &Mean, window: &PixelRect) -> Self {
-        let width = (window.max[0] - window.min[0]) as usize;
         let place = |pixel| Seen {
-            at: [window.min[0] + (pixel % width) as u32, window.min[1] + (pixel / width) as u32],
+            at: window.at(pixel),
             light: light(picture.beauty(pixel)),
-            variance: picture.variance_of(pixel).element_sum() / 3.0,
+            variance: picture.noise_of(pixel),
         };
         Self::new(picture.seen().map(place).collect())
     }
@@ -160,7 +158,7 @@ impl Looked {
 }
 
 /// Mean over the channels.
-fn light(beauty: Vec3) -> f64 {
+pub(super) fn light(beauty: Vec3) -> f64 {
     beauty.as_dvec3().element_sum() / 3.0
 }
 

@@ -117,8 +117,7 @@ impl Job<'_> {
         let begin = Instant::now();
         let mut prepared = self.prepare(KNOB.len(), half.seed, half.photons.first())?;
         // Photons are traced once.
-        let traced = prepared.statistics().stages.iter().find(|stage| stage.name == "tracing photons");
-        half.preparing = begin.elapsed().as_secs_f64() - traced.map_or(0.0, |stage| stage.seconds);
+        half.preparing = begin.elapsed().as_secs_f64() - prepared.statistics().seconds_of("tracing photons");
         let begin = Instant::now();
         let places = || set.drawn.iter().map(|drawn| drawn.at).collect::<Vec<_>>();
         let pixels = set.pixels.get_or_insert_with(|| prepared.select(&places()));
